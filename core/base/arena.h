@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Hands out aligned pieces of one caller-owned block. The same sequence of calls with base == NULL
+ * measures how large the block must be, so memsize() and init() can never disagree.
+ */
+#ifndef PALP_BASE_ARENA_H
+#define PALP_BASE_ARENA_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define PALP_ALIGN 64u
+
+typedef struct {
+    uint8_t *base; /* NULL: measuring only */
+    size_t used;
+} palp_arena;
+
+/* `count` elements of `size` bytes, aligned to PALP_ALIGN; NULL while measuring. Constant time. */
+static inline void *palp_take(palp_arena *arena, size_t count, size_t size) {
+    size_t at = arena->used;
+    arena->used = (at + count * size + PALP_ALIGN - 1u) / PALP_ALIGN * PALP_ALIGN;
+    return arena->base != NULL ? arena->base + at : NULL;
+}
+
+#endif

@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: MIT */
+#include "linalg.h"
+#include "real.h"
+
+/* y[0..n) -= s * x[0..n) */
+static void axpy_minus(float *restrict y, const float *restrict x, float s, size_t n) {
+    for (size_t k = 0; k < n; k++) y[k] -= s * x[k];
+}
+
+palp_status palp_chol_factor(float *a, size_t n, size_t stride) {
+    for (size_t j = 0; j < n; j++) {
+        float *row = a + j * stride;
+        float diagonal = row[j];
+        /* The pivot is what elimination left of the diagonal; the sum of squares above it is the rest. */
+        float removed = 0.0f;
+        for (size_t i = 0; i < j; i++) removed += a[i * stride + j] * a[i * stride + j];
+        if (!(diagonal > PALP_PIVOT_MIN * (diagonal + removed))) return PALP_ERR_NOT_SPD;
+        float pivot = palp_sqrt(diagonal);
+        float inverse = 1.0f / pivot;
+        row[j] = pivot;
+        for (size_t k = j + 1; k < n; k++) row[k] *= inverse;
+        for (size_t i = j + 1; i < n; i++) axpy_minus(a + i * stride + i, row + i, row[i], n - i);
+    }
+    return PALP_OK;
+}
+
+palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column) {
+    float diagonal = column[n];
+    palp_chol_forward(r, n, stride, column);
+    float pivot = diagonal;
+    for (size_t i = 0; i < n; i++) pivot -= column[i] * column[i];
+    if (!(pivot > PALP_PIVOT_MIN * diagonal)) return PALP_ERR_NOT_SPD;
+    for (size_t i = 0; i < n; i++) r[i * stride + n] = column[i];
+    r[n * stride + n] = palp_sqrt(pivot);
+    return PALP_OK;
+}
+
+/* Rotates rows p and q so that q[0] becomes 0; both have n entries. */
+static void givens(float *restrict p, float *restrict q, size_t n) {
+    float h = palp_sqrt(p[0] * p[0] + q[0] * q[0]);
+    float c = p[0] / h;
+    float s = q[0] / h;
+    for (size_t k = 0; k < n; k++) {
+        float t = c * p[k] + s * q[k];
+        q[k] = c * q[k] - s * p[k];
+        p[k] = t;
+    }
+}
+
+void palp_chol_remove(float *r, size_t n, size_t stride, size_t index) {
+    for (size_t i = 0; i < n; i++) {
+        /* Row i > index keeps its old diagonal as a sub-diagonal entry, one place to the left. */
+        for (size_t k = i > index ? i - 1 : index; k + 1 < n; k++) {
+            r[i * stride + k] = r[i * stride + k + 1];
+        }
+    }
+    for (size_t i = index; i + 1 < n; i++) {
+        givens(r + i * stride + i, r + (i + 1) * stride + i, n - 1 - i);
+    }
+}
+
+void palp_chol_forward(const float *r, size_t n, size_t stride, float *b) {
+    for (size_t j = 0; j < n; j++) {
+        const float *row = r + j * stride;
+        b[j] /= row[j];
+        axpy_minus(b + j + 1, row + j + 1, b[j], n - j - 1);
+    }
+}
+
+void palp_chol_solve(const float *r, size_t n, size_t stride, float *b) {
+    palp_chol_forward(r, n, stride, b);
+    for (size_t j = n; j-- > 0;) {
+        const float *row = r + j * stride;
+        float sum = b[j];
+        for (size_t k = j + 1; k < n; k++) sum -= row[k] * b[k];
+        b[j] = sum / row[j];
+    }
+}
+
+palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride) {
+    for (size_t j = 0; j < n; j++) {
+        size_t best = j;
+        for (size_t i = j + 1; i < n; i++) {
+            if (palp_abs(a[i * stride + j]) > palp_abs(a[best * stride + j])) best = i;
+        }
+        perm[j] = (uint32_t)best;
+        float *row = a + j * stride;
+        float *swap = a + best * stride;
+        float largest = 0.0f;
+        for (size_t k = 0; k < n; k++) {
+            float t = row[k];
+            row[k] = swap[k];
+            swap[k] = t;
+            largest = palp_max(largest, palp_abs(row[k]));
+        }
+        if (!(palp_abs(row[j]) > PALP_PIVOT_MIN * largest)) return PALP_ERR_SINGULAR;
+        for (size_t i = j + 1; i < n; i++) {
+            float *target = a + i * stride;
+            target[j] /= row[j];
+            axpy_minus(target + j + 1, row + j + 1, target[j], n - j - 1);
+        }
+    }
+    return PALP_OK;
+}
+
+void palp_lu_solve(const float *lu, const uint32_t *perm, size_t n, size_t stride, float *b) {
+    for (size_t j = 0; j < n; j++) {
+        float t = b[perm[j]];
+        b[perm[j]] = b[j];
+        b[j] = t;
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < i; k++) b[i] -= lu[i * stride + k] * b[k];
+    }
+    for (size_t i = n; i-- > 0;) {
+        for (size_t k = i + 1; k < n; k++) b[i] -= lu[i * stride + k] * b[k];
+        b[i] /= lu[i * stride + i];
+    }
+}
+
+/* Splits x into two halves of 12 bits whose products are exact (Dekker). */
+static void split(float x, float *hi, float *lo) {
+    float t = 4097.0f * x;
+    *hi = t - (t - x);
+    *lo = x - *hi;
+}
+
+void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n, size_t stride) {
+    for (size_t i = 0; i < n; i++) {
+        float sum = b[i];
+        float error = 0.0f;
+        for (size_t k = 0; k < n; k++) {
+            float u = -a[i * stride + k];
+            float product = u * x[k];
+            float uh, ul, xh, xl;
+            split(u, &uh, &ul);
+            split(x[k], &xh, &xl);
+            float tail = ((uh * xh - product) + uh * xl + ul * xh) + ul * xl;
+            float next = sum + product;
+            float virtual_part = next - sum;
+            error += ((sum - (next - virtual_part)) + (product - virtual_part)) + tail;
+            sum = next;
+        }
+        r[i] = sum + error;
+    }
+}

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Small dense linear algebra on row-major float matrices a[i * stride + k].
+ *
+ * Symmetric positive definite: C = R^T R with R upper triangular, which makes every inner loop but the
+ * back substitution an axpy on a contiguous row: vector code over independent outputs, one fixed
+ * order of summation. General: P A = L U with partial pivoting. Costs count multiply-add pairs.
+ */
+#ifndef PALP_BASE_LINALG_H
+#define PALP_BASE_LINALG_H
+
+#include "status.h"
+#include <stddef.h>
+#include <stdint.h>
+
+/* Smallest accepted pivot relative to the diagonal entry that it came from. */
+#define PALP_PIVOT_MIN 1e-6f
+
+/*
+ * Factors the upper triangle of a (n x n) in place. PALP_ERR_NOT_SPD when a pivot falls below
+ * PALP_PIVOT_MIN times its diagonal entry; the upper triangle is then undefined. n^3/6.
+ */
+palp_status palp_chol_factor(float *a, size_t n, size_t stride);
+
+/*
+ * Grows R from n x n to (n+1) x (n+1): `column` holds c_0..c_n, the new column of C, and is destroyed.
+ * PALP_ERR_NOT_SPD leaves R as it was. n^2/2.
+ */
+palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column);
+
+/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2 n^2. */
+void palp_chol_remove(float *r, size_t n, size_t stride, size_t index);
+
+/* b := C^-1 b. n^2. */
+void palp_chol_solve(const float *r, size_t n, size_t stride, float *b);
+
+/*
+ * b := R^-T b (forward half of the solve); the squared norm of the result is b^T C^-1 b. n^2/2.
+ */
+void palp_chol_forward(const float *r, size_t n, size_t stride, float *b);
+
+/*
+ * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below PALP_PIVOT_MIN
+ * times the largest entry of its original row. n^3/3.
+ */
+palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride);
+
+/* b := A^-1 b from the factors; n^2. */
+void palp_lu_solve(const float *lu, const uint32_t *perm, size_t n, size_t stride, float *b);
+
+/*
+ * r = b - A x, each entry summed in twice the working precision (error-free products and sums), so
+ * that a step of iterative refinement recovers the solution of A to working precision. About 20 n^2.
+ */
+void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n, size_t stride);
+
+#endif

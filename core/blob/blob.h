@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Opens a blob in place and hands out typed views into it: no copy, no parsing, no allocation.
+ *
+ * palp_blob_open() checks everything that later code relies on: layout, CRCs, counts, index ranges,
+ * orders, finite values. After PALP_OK nothing that reads through the views can leave the blob,
+ * whatever its bytes are. The blob must stay mapped and unchanged for as long as the views are used.
+ */
+#ifndef PALP_BLOB_BLOB_H
+#define PALP_BLOB_BLOB_H
+
+#include "core/base/status.h"
+#include "core/blob/format.h"
+#include <stdbool.h>
+
+/*
+ * One wavelet domain D (MR 4.1): its nodes in coarse-to-fine order and the lifted linear filters.
+ * Slots of level l are [level_start[l], level_start[l+1]). The slots of level l >= 1 are odd: each has
+ * two parents on coarser levels with prediction weights w_ma and update weights s_am; a parent that is
+ * missing from the domain has weight 0 and stands as slot 0.
+ */
+typedef struct {
+    uint32_t slots, levels;
+    const uint32_t *node;         /* [slots] */
+    const uint32_t *level_start;  /* [levels + 1] */
+    const uint32_t *parent;       /* [slots][2] */
+    const float *predict;         /* [slots][2] */
+    const float *update;          /* [slots][2] */
+    const uint32_t *child_offset; /* [slots + 1] */
+    const uint32_t *child;        /* odd slots that update this one, ascending */
+} palp_domain;
+
+/*
+ * One block of wavelet-transformed GF columns (MR 28-30): rows of one domain, columns of another. Each
+ * column is a run of groups of PALP_LANES 3x3 blocks; entry e of the block in lane k of group g is at
+ * value[(9 g + e) * PALP_LANES + k]. The last group is padded with zero blocks on its last row.
+ */
+typedef struct {
+    uint32_t columns, rows;
+    const uint32_t *offset; /* [columns + 1], in groups */
+    const uint16_t *index;  /* [groups][PALP_LANES] */
+    const float *value;     /* f32 storage, else NULL */
+    const uint16_t *half;   /* f16 storage, else NULL */
+    const float *scale;     /* [columns] */
+} palp_columns;
+
+typedef struct {
+    const palp_meta *meta;
+    const float *rest_m;          /* [nodes][3] */
+    const float *normal;          /* [nodes][3] */
+    const float *area_m2;         /* [nodes] */
+    const uint32_t *triangle;     /* [triangles][3] */
+    const uint32_t *slot;         /* [nodes] */
+    const uint32_t *ring_offset;  /* [nodes + 1] */
+    const uint32_t *ring;
+    const uint32_t *cell_offset;
+    const uint32_t *cell_node;
+    palp_domain domain[PALP_DOMAINS];
+    palp_columns columns[PALP_DOMAINS][PALP_DOMAINS]; /* [row domain][column domain] */
+    size_t bytes;
+} palp_blob;
+
+/*
+ * Opens the blob of `bytes` bytes at `data` (64-byte aligned). On error `blob` is untouched.
+ * Errors: ALIGNMENT, TRUNCATED, MAGIC, VERSION, CRC, TABLE, RANGE, NOT_FINITE.
+ * Cost: one pass over the bytes for the CRC and one over every section.
+ */
+palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes);
+
+static inline bool palp_blob_has(const palp_blob *blob, uint32_t flag) {
+    return (blob->meta->flags & flag) != 0u;
+}
+static inline bool palp_node_is_fixed(const palp_blob *blob, uint32_t node) {
+    return (blob->slot[node] & PALP_FIXED_FLAG) != 0u;
+}
+static inline uint32_t palp_node_slot(const palp_blob *blob, uint32_t node) {
+    return blob->slot[node] & ~PALP_FIXED_FLAG;
+}
+
+#endif

@@ -1,0 +1,109 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The blob on disk and in flash, byte for byte; blobs/FORMAT.md says it in prose.
+ *
+ * Header, section table, then the sections in table order, each starting at the next multiple of 64
+ * bytes. Little-endian. The gaps are zero and are covered by the CRC of the section before them, so
+ * every byte of the file is covered by exactly one CRC.
+ */
+#ifndef PALP_BLOB_FORMAT_H
+#define PALP_BLOB_FORMAT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define PALP_BLOB_MAGIC "PALPBLOB"
+#define PALP_BLOB_VERSION 1u
+#define PALP_BLOB_BYTE_ORDER 0x01020304u
+#define PALP_BLOB_ALIGN 64u
+#define PALP_MAX_LEVELS 12u     /* levels 0..11 */
+#define PALP_MAX_NODES 65535u   /* row indices are 16 bits wide */
+#define PALP_LANES 8u           /* 3x3 blocks per group in a column */
+#define PALP_GROUP_VALUES 72u   /* nine entries, each PALP_LANES wide */
+#define PALP_FIXED_FLAG 0x80000000u
+
+/* The two domains of the reference boundary value problem (MR 21-24). */
+#define PALP_FREE 0u  /* Lambda_p: unknown displacement u (m), given nodal force f (N) */
+#define PALP_FIXED 1u /* Lambda_u: unknown traction p (Pa), given displacement u (m) */
+#define PALP_DOMAINS 2u
+
+typedef struct {
+    char magic[8];
+    uint32_t version;
+    uint32_t byte_order;
+    uint64_t total_bytes;
+    uint32_t section_count;
+    uint32_t header_crc; /* CRC-32C of header and table with this field zero */
+    uint8_t reserved[32];
+} palp_blob_header;
+
+typedef struct {
+    uint32_t type; /* palp_section, ascending */
+    uint32_t element_bytes;
+    uint64_t offset; /* from the start of the blob */
+    uint64_t count;  /* elements */
+    uint32_t crc;    /* CRC-32C of the section and of the padding behind it */
+    uint32_t reserved;
+} palp_blob_entry;
+
+/* Per-domain and per-block sections add the domain (or 2 * row domain + column domain) to the type. */
+typedef enum {
+    PALP_SEC_META = 1,
+    PALP_SEC_REST = 2,          /* f32[nodes][3] rest positions, m */
+    PALP_SEC_NORMAL = 3,        /* f32[nodes][3] outward unit normals */
+    PALP_SEC_AREA = 4,          /* f32[nodes] nodal areas a_j (MR 4), m^2 */
+    PALP_SEC_TRIANGLE = 5,      /* u32[triangles][3] */
+    PALP_SEC_SLOT = 6,          /* u32[nodes] slot in its domain, PALP_FIXED_FLAG set when fixed */
+    PALP_SEC_RING_OFFSET = 7,   /* u32[nodes + 1] */
+    PALP_SEC_RING = 8,          /* u32[] neighbours of each node */
+    PALP_SEC_CELL_OFFSET = 9,   /* u32[cells + 1] search grid */
+    PALP_SEC_CELL_NODE = 10,    /* u32[nodes] nodes sorted by cell */
+    PALP_SEC_NODE = 16,         /* + domain: u32[slots] node of each slot, coarse to fine */
+    PALP_SEC_LEVEL_START = 20,  /* + domain: u32[levels + 1] first slot of each level */
+    PALP_SEC_PARENT = 24,       /* + domain: u32[slots][2] */
+    PALP_SEC_PREDICT = 28,      /* + domain: f32[slots][2] */
+    PALP_SEC_UPDATE = 32,       /* + domain: f32[slots][2] */
+    PALP_SEC_CHILD_OFFSET = 36, /* + domain: u32[slots + 1] */
+    PALP_SEC_CHILD = 40,        /* + domain: u32[] odd slots that update this one, ascending */
+    PALP_SEC_COL_OFFSET = 48,   /* + block: u32[columns + 1], in groups of PALP_LANES blocks */
+    PALP_SEC_COL_INDEX = 56,    /* + block: u16[groups][PALP_LANES] row slots, ascending */
+    PALP_SEC_COL_VALUE = 64,    /* + block: f32 or f16 [groups][9][PALP_LANES] */
+    PALP_SEC_COL_SCALE = 72     /* + block: f32[columns] multiplier of the stored values */
+} palp_section;
+
+#define PALP_META_LIFTED 1u    /* lifted wavelets */
+#define PALP_META_SYMMETRIC 2u /* reciprocity enforced: G_FF is symmetric positive definite */
+#define PALP_META_GRAVITY 4u   /* the last column of each F column set is the gravity response */
+#define PALP_META_FIXED_COLUMNS 8u /* columns of the fixed nodes are there: they can be released */
+#define PALP_META_REACTIONS 16u    /* rows of the fixed nodes are there: reactions are known */
+#define PALP_META_HALF 32u         /* IEEE half storage */
+#define PALP_META_BUTTERFLY 64u    /* predicted by the butterfly stencil (study only) */
+
+typedef struct {
+    uint32_t nodes, triangles, levels, flags;
+    uint32_t domain_nodes[PALP_DOMAINS];
+    uint32_t max_ring;    /* largest valence */
+    uint32_t max_row;     /* longest selective reconstruction row E^T W^-1 of either domain */
+    uint32_t max_groups;  /* groups of the longest free-free column */
+    uint32_t cells[3];    /* search grid */
+    uint64_t free_blocks; /* stored free-free blocks, gravity column apart */
+    float young_Pa, poisson, density_kg_m3, epsilon;
+    float rms_error, max_error;     /* MR 70, 71, free-free */
+    float reciprocity_residual;     /* |G - G^T|_F / |G|_F before it was enforced */
+    float stiffness_min_N_per_m;    /* 1 / (n^T G_jj n) over the free nodes */
+    float stiffness_max_N_per_m;
+    float mean_edge_m;
+    float box_min_m[3], box_max_m[3];
+    float cell_origin_m[3], cell_size_m;
+    float equilibrium_residual; /* largest |sum of reactions + load| / |load| over unit loads */
+    uint8_t mesh_sha256[32];
+    uint8_t reserved[20];
+} palp_meta;
+
+_Static_assert(sizeof(palp_blob_header) == 64, "header layout");
+_Static_assert(sizeof(palp_blob_entry) == 32, "table entry layout");
+
+_Static_assert(sizeof(palp_meta) == 192, "meta layout");
+_Static_assert(sizeof(float) == 4, "IEEE single");
+
+#endif

@@ -1,0 +1,328 @@
+/* SPDX-License-Identifier: MIT */
+#include "cma.h"
+#include "core/base/linalg.h"
+
+#define REFINEMENTS 2
+
+static uint32_t domain_of(const palp_blob *b, uint32_t node) {
+    return palp_node_is_fixed(b, node) ? PALP_FIXED : PALP_FREE;
+}
+
+static void lay_out(palp_cma *c, const palp_blob *b, uint32_t n, palp_arena *arena) {
+    *c = (palp_cma){.blob = b, .capacity = n};
+    c->switches = palp_take(arena, n, sizeof *c->switches);
+    c->capacitance = palp_take(arena, (size_t)n * n, sizeof(float));
+    c->factor = palp_take(arena, (size_t)n * n, sizeof(float));
+    c->scale = palp_take(arena, n, sizeof(float));
+    c->rhs = palp_take(arena, n, sizeof(float));
+    c->solution = palp_take(arena, n, sizeof(float));
+    c->residual = palp_take(arena, n, sizeof(float));
+    c->perm = palp_take(arena, n, sizeof(uint32_t));
+    c->given = palp_take(arena, 3u * (size_t)b->meta->nodes, sizeof(float));
+    c->state = palp_take(arena, b->meta->nodes, 1);
+    c->row.index = palp_take(arena, b->meta->max_row, sizeof(uint16_t));
+    c->row.weight = palp_take(arena, b->meta->max_row, sizeof(float));
+    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
+        uint32_t slots = b->domain[d].slots;
+        c->detail[d] = palp_take(arena, (size_t)slots * PALP_FIELD_LANES, sizeof(float));
+        c->scratch[d].weight = palp_take(arena, slots, sizeof(float));
+        c->scratch[d].mark = palp_take(arena, (slots + 31u) / 32u, sizeof(uint32_t));
+    }
+}
+
+size_t palp_cma_memsize(const palp_blob *blob, uint32_t max_unknowns) {
+    palp_cma c;
+    palp_arena arena = {0};
+    lay_out(&c, blob, max_unknowns, &arena);
+    return arena.used;
+}
+
+palp_status palp_cma_init(palp_cma *cma, const palp_blob *blob, uint32_t max_unknowns, void *memory,
+                          size_t bytes) {
+    palp_arena arena = {.base = memory};
+    if (max_unknowns > 3u * blob->meta->nodes) return PALP_ERR_LIMITS;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_cma_memsize(blob, max_unknowns)) return PALP_ERR_MEMORY;
+    lay_out(cma, blob, max_unknowns, &arena);
+    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
+        uint32_t slots = blob->domain[d].slots;
+        for (uint32_t i = 0; i < slots; i++) cma->scratch[d].weight[i] = 0.0f;
+        for (uint32_t i = 0; i < (slots + 31u) / 32u; i++) cma->scratch[d].mark[i] = 0u;
+    }
+    palp_cma_clear(cma);
+    return PALP_OK;
+}
+
+void palp_cma_clear(palp_cma *cma) {
+    cma->count = 0;
+    cma->gravity_m_s2 = (palp_vec3){0};
+    for (uint32_t i = 0; i < 3u * cma->blob->meta->nodes; i++) cma->given[i] = 0.0f;
+    for (uint32_t i = 0; i < cma->blob->meta->nodes; i++) cma->state[i] = 0;
+}
+
+static void push(palp_cma *c, uint32_t node, palp_vec3 direction, float target) {
+    c->switches[c->count++] = (palp_switch){.node = node, .direction = direction, .target = target};
+}
+
+static void push_all(palp_cma *c, uint32_t node, palp_vec3 target) {
+    push(c, node, (palp_vec3){1.0f, 0.0f, 0.0f}, target.x);
+    push(c, node, (palp_vec3){0.0f, 1.0f, 0.0f}, target.y);
+    push(c, node, (palp_vec3){0.0f, 0.0f, 1.0f}, target.z);
+}
+
+/* Two unit vectors that complete n to an orthonormal frame. */
+static void tangents(palp_vec3 n, palp_vec3 *a, palp_vec3 *b) {
+    palp_vec3 axis = palp_abs(n.x) < 0.6f ? (palp_vec3){1.0f, 0.0f, 0.0f} : (palp_vec3){0.0f, 1.0f, 0.0f};
+    palp_vec3 t = palp_cross(n, axis);
+    *a = palp_scale(1.0f / palp_norm(t), t);
+    *b = palp_cross(n, *a);
+}
+
+static void set_given(palp_cma *c, uint32_t node, palp_vec3 v) {
+    float *g = c->given + 3u * node;
+    g[0] = v.x;
+    g[1] = v.y;
+    g[2] = v.z;
+}
+
+static void give_free(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
+    palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
+    switch (condition) {
+    case PALP_GIVE_DISPLACEMENT: push_all(c, node, value); break;
+    case PALP_GIVE_NORMAL: push(c, node, n, value.x); break;
+    case PALP_GIVE_TRACTION: set_given(c, node, palp_scale(c->blob->area_m2[node], value)); break;
+    case PALP_GIVE_FORCE:
+    case PALP_RELEASE: set_given(c, node, value); break;
+    }
+}
+
+static void give_fixed(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
+    palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
+    palp_vec3 a, b;
+    switch (condition) {
+    case PALP_GIVE_DISPLACEMENT: set_given(c, node, value); break;
+    case PALP_GIVE_NORMAL:
+        tangents(n, &a, &b);
+        set_given(c, node, palp_scale(value.x, n));
+        push(c, node, a, 0.0f);
+        push(c, node, b, 0.0f);
+        break;
+    case PALP_GIVE_TRACTION: push_all(c, node, palp_scale(c->blob->area_m2[node], value)); break;
+    case PALP_GIVE_FORCE: push_all(c, node, value); break;
+    case PALP_RELEASE: push_all(c, node, (palp_vec3){0}); break;
+    }
+}
+
+static uint32_t unknowns_of(bool fixed, palp_condition condition) {
+    if (condition == PALP_GIVE_DISPLACEMENT) return fixed ? 0u : 3u;
+    if (condition == PALP_GIVE_NORMAL) return fixed ? 2u : 1u;
+    return fixed ? 3u : 0u;
+}
+
+palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value) {
+    if (node >= cma->blob->meta->nodes || cma->state[node] != 0u) return PALP_ERR_ARGUMENT;
+    bool fixed = palp_node_is_fixed(cma->blob, node);
+    if (!fixed && condition == PALP_RELEASE) return PALP_ERR_ARGUMENT;
+    if (!palp_vec3_is_finite(value)) return PALP_ERR_NOT_FINITE;
+    if (fixed && !palp_blob_has(cma->blob, PALP_META_FIXED_COLUMNS)) return PALP_ERR_ABSENT;
+    if (cma->capacity - cma->count < unknowns_of(fixed, condition)) return PALP_ERR_CAPACITY;
+    cma->state[node] = 1;
+    if (fixed) {
+        give_fixed(cma, node, condition, value);
+    } else {
+        give_free(cma, node, condition, value);
+    }
+    return PALP_OK;
+}
+
+palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2) {
+    if (!palp_blob_has(cma->blob, PALP_META_GRAVITY)) return PALP_ERR_ABSENT;
+    if (!palp_vec3_is_finite(acceleration_m_s2)) return PALP_ERR_NOT_FINITE;
+    cma->gravity_m_s2 = acceleration_m_s2;
+    return PALP_OK;
+}
+
+static bool rows_present(const palp_cma *c, uint32_t domain) {
+    return domain == PALP_FREE || palp_blob_has(c->blob, PALP_META_REACTIONS);
+}
+
+/* details += column of `node` times v, in both row domains */
+static void add_column(palp_cma *c, uint32_t column_domain, uint32_t slot, const float v[3]) {
+    for (uint32_t row = 0; row < PALP_DOMAINS; row++) {
+        if (!rows_present(c, row)) continue;
+        palp_columns_add(&c->blob->columns[row][column_domain], slot, v, c->detail[row]);
+    }
+}
+
+/* g~_1 of MR 42 and 45: the RBVP's answer to what is given so far, as details. */
+static void sum_columns(palp_cma *c) {
+    const palp_blob *b = c->blob;
+    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
+        for (uint32_t i = 0; i < b->domain[d].slots * PALP_FIELD_LANES; i++) c->detail[d][i] = 0.0f;
+    }
+    for (uint32_t i = 0; i < b->meta->nodes; i++) {
+        const float *v = c->given + 3u * i;
+        if (!(palp_dot(palp_vec3_at(v), palp_vec3_at(v)) > 0.0f)) continue;
+        add_column(c, domain_of(b, i), palp_node_slot(b, i), v);
+    }
+    const float g[3] = {c->gravity_m_s2.x, c->gravity_m_s2.y, c->gravity_m_s2.z};
+    bool gravity = palp_blob_has(b, PALP_META_GRAVITY);
+    if (gravity) add_column(c, PALP_FREE, b->domain[PALP_FREE].slots, g);
+}
+
+/* e^T block e' */
+static float contract(palp_vec3 e, const float block[9], palp_vec3 f) {
+    palp_vec3 t = {palp_dot(palp_vec3_at(block), f), palp_dot(palp_vec3_at(block + 3), f),
+                   palp_dot(palp_vec3_at(block + 6), f)};
+    return palp_dot(e, t);
+}
+
+/* Tractions are stored on U; forces are wanted. */
+static float row_factor(const palp_cma *c, uint32_t node) {
+    return palp_node_is_fixed(c->blob, node) ? c->blob->area_m2[node] : 1.0f;
+}
+
+/* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
+static void assemble_row(palp_cma *c, uint32_t k) {
+    const palp_blob *b = c->blob;
+    const palp_switch *s = &c->switches[k];
+    uint32_t d = domain_of(b, s->node);
+    float factor = row_factor(c, s->node);
+    float block[9];
+    uint32_t extracted = PALP_MAX_NODES + 1u;
+    (void)palp_wavelet_row(&b->domain[d], palp_node_slot(b, s->node), &c->scratch[d], &c->row,
+                           b->meta->max_row);
+    palp_vec3 v0 = {0};
+    for (uint32_t r = 0; r < c->row.count; r++) {
+        v0 = palp_madd(v0, c->row.weight[r],
+                       palp_vec3_at(c->detail[d] + PALP_FIELD_LANES * c->row.index[r]));
+    }
+    c->rhs[k] = s->target - factor * palp_dot(s->direction, v0);
+    for (uint32_t l = 0; l < c->count; l++) {
+        const palp_switch *t = &c->switches[l];
+        if (t->node != extracted) {
+            palp_columns_extract(&b->columns[d][domain_of(b, t->node)], palp_node_slot(b, t->node),
+                                 &c->row, block);
+            extracted = t->node;
+        }
+        c->capacitance[(size_t)k * c->count + l] = factor * contract(s->direction, block, t->direction);
+    }
+}
+
+/* Betti: same-domain pairs are symmetric, force against displacement pairs are skew. */
+static void enforce_reciprocity(palp_cma *c) {
+    for (uint32_t k = 0; k < c->count; k++) {
+        for (uint32_t l = 0; l < k; l++) {
+            bool same = domain_of(c->blob, c->switches[k].node) == domain_of(c->blob, c->switches[l].node);
+            float sign = same ? 1.0f : -1.0f;
+            float *a = &c->capacitance[(size_t)k * c->count + l];
+            float *b = &c->capacitance[(size_t)l * c->count + k];
+            float mean = 0.5f * (*a + sign * *b);
+            *a = mean;
+            *b = sign * mean;
+        }
+    }
+}
+
+/* The power of two next below 1 / sqrt(x), so that scaling by it is exact. */
+static float inverse_root_power(float x) {
+    union {
+        float f;
+        uint32_t u;
+    } bits = {.f = 1.0f / palp_sqrt(x)};
+    bits.u &= 0x7f800000u;
+    return bits.f;
+}
+
+static void scale_system(palp_cma *c) {
+    for (uint32_t k = 0; k < c->count; k++) {
+        float diagonal = palp_abs(c->capacitance[(size_t)k * c->count + k]);
+        c->scale[k] = diagonal > 0.0f ? inverse_root_power(diagonal) : 1.0f;
+    }
+    for (uint32_t k = 0; k < c->count; k++) {
+        c->rhs[k] *= c->scale[k];
+        for (uint32_t l = 0; l < c->count; l++) {
+            c->capacitance[(size_t)k * c->count + l] *= c->scale[k] * c->scale[l];
+        }
+    }
+}
+
+static bool all_free(const palp_cma *c) {
+    for (uint32_t k = 0; k < c->count; k++) {
+        if (palp_node_is_fixed(c->blob, c->switches[k].node)) return false;
+    }
+    return true;
+}
+
+/* g := C^-1 rhs with refinement. */
+static palp_status solve_capacitance(palp_cma *c) {
+    size_t n = c->count;
+    bool symmetric = palp_blob_has(c->blob, PALP_META_SYMMETRIC);
+    bool definite = symmetric && all_free(c);
+    if (symmetric) enforce_reciprocity(c);
+    scale_system(c);
+    for (size_t i = 0; i < n * n; i++) c->factor[i] = c->capacitance[i];
+    palp_status status = definite ? palp_chol_factor(c->factor, n, n)
+                                  : palp_lu_factor(c->factor, c->perm, n, n);
+    if (status != PALP_OK) return status;
+    for (size_t k = 0; k < n; k++) c->solution[k] = 0.0f;
+    for (size_t k = 0; k < n; k++) c->residual[k] = c->rhs[k];
+    for (int step = 0; step <= REFINEMENTS; step++) {
+        if (definite) {
+            palp_chol_solve(c->factor, n, n, c->residual);
+        } else {
+            palp_lu_solve(c->factor, c->perm, n, n, c->residual);
+        }
+        for (size_t k = 0; k < n; k++) c->solution[k] += c->residual[k];
+        palp_residual(c->capacitance, c->solution, c->rhs, c->residual, n, n);
+    }
+    for (size_t k = 0; k < n; k++) c->switches[k].value = c->solution[k] * c->scale[k];
+    return PALP_OK;
+}
+
+/* MR 46: one inverse transform per domain, then nodes take their values. */
+static void write_fields(palp_cma *c, float *u_m, float *f_N) {
+    const palp_blob *b = c->blob;
+    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
+        palp_wavelet_inverse(&b->domain[d], c->detail[d], b->domain[d].levels - 1);
+    }
+    for (uint32_t i = 0; i < b->meta->nodes; i++) {
+        bool fixed = palp_node_is_fixed(b, i);
+        const float *x = c->detail[fixed ? PALP_FIXED : PALP_FREE] + PALP_FIELD_LANES * palp_node_slot(b, i);
+        for (uint32_t axis = 0; axis < 3; axis++) {
+            float given = c->given[3u * i + axis];
+            u_m[3u * i + axis] = fixed ? given : x[axis];
+            f_N[3u * i + axis] = fixed ? b->area_m2[i] * x[axis] : given;
+        }
+    }
+}
+
+/* MR 47: along its direction a switched node has exactly what was prescribed. */
+static void set_exact(const palp_cma *c, float *u_m, float *f_N) {
+    for (uint32_t k = 0; k < c->count; k++) {
+        const palp_switch *s = &c->switches[k];
+        bool fixed = palp_node_is_fixed(c->blob, s->node);
+        float *result = (fixed ? f_N : u_m) + 3u * s->node;
+        float off = s->target - palp_dot(s->direction, palp_vec3_at(result));
+        result[0] += off * s->direction.x;
+        result[1] += off * s->direction.y;
+        result[2] += off * s->direction.z;
+    }
+}
+
+palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N) {
+    sum_columns(cma);
+    for (uint32_t k = 0; k < cma->count; k++) assemble_row(cma, k);
+    palp_status status = solve_capacitance(cma);
+    if (status != PALP_OK) return status;
+    for (uint32_t k = 0; k < cma->count; k++) {
+        const palp_switch *s = &cma->switches[k];
+        const float v[3] = {s->value * s->direction.x, s->value * s->direction.y,
+                            s->value * s->direction.z};
+        for (uint32_t axis = 0; axis < 3; axis++) cma->given[3u * s->node + axis] += v[axis];
+    }
+    sum_columns(cma);
+    write_fields(cma, u_m, f_N);
+    set_exact(cma, u_m, f_N);
+    return PALP_OK;
+}

@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The general capacitance matrix algorithm (MR 3.2, 5.4) in force form.
+ *
+ * The blob answers one reference boundary value problem (RBVP): nodes of the free domain F carry a
+ * given nodal force, nodes of the fixed domain U a given displacement, and
+ *
+ *     | u_F |   | G_FF  G_FU | | f_F |
+ *     | f_U | = | G_UF  K_UU | | u_U | + B g
+ *
+ * Any other problem switches some scalar unknowns: for each switched pair (node, direction e) the
+ * quantity that the RBVP gives becomes unknown (g_k) and the one that it yields is prescribed (t_k):
+ *
+ *     C g = t - E^T v0,     C_kl = e_k^T Xi_kl e_l                    (MR 18-20, 39, 43-44)
+ *     v   = v0 + Xi E g,    values at switched nodes set exactly      (MR 45-47)
+ *
+ * With only free nodes switched and reciprocity enforced C is symmetric positive definite and is
+ * factored by Cholesky; otherwise by LU with partial pivoting after scaling by powers of two, since
+ * compliances and stiffnesses meet in it. Both are followed by two steps of refinement with residuals
+ * in twice the working precision.
+ */
+#ifndef PALP_GREEN_CMA_H
+#define PALP_GREEN_CMA_H
+
+#include "core/base/arena.h"
+#include "core/base/real.h"
+#include "core/green/columns.h"
+
+typedef enum {
+    PALP_GIVE_DISPLACEMENT, /* u = value (m) */
+    PALP_GIVE_NORMAL,       /* n.u = value.x (m), no tangential force */
+    PALP_GIVE_FORCE,        /* nodal force f = value (N) */
+    PALP_GIVE_TRACTION,     /* traction p = value (Pa), f = a_j p */
+    PALP_RELEASE            /* a fixed node set free */
+} palp_condition;
+
+/* One scalar unknown: the column value at `node` along `direction`. */
+typedef struct {
+    uint32_t node;
+    palp_vec3 direction;
+    float target; /* what the RBVP's result must be along `direction`: m on F, N on U */
+    float value;  /* solved: N on F, m on U */
+} palp_switch;
+
+typedef struct {
+    const palp_blob *blob;
+    uint32_t capacity, count;
+    palp_switch *switches; /* [capacity] */
+    float *capacitance;    /* [capacity][capacity] */
+    float *factor;         /* [capacity][capacity] */
+    float *scale, *rhs, *solution, *residual; /* [capacity] */
+    uint32_t *perm;                     /* [capacity] */
+    float *detail[PALP_DOMAINS];        /* [slots][4] */
+    float *given;      /* [nodes][3] what the column of each node is multiplied with */
+    uint8_t *state;    /* [nodes] conditions already given */
+    palp_vec3 gravity_m_s2;
+    palp_row row;
+    palp_row_scratch scratch[PALP_DOMAINS];
+} palp_cma;
+
+/* Bytes that palp_cma_init needs for `max_unknowns` switched scalars. */
+size_t palp_cma_memsize(const palp_blob *blob, uint32_t max_unknowns);
+
+/*
+ * Lays the solver out in `memory` (64-byte aligned, owned by the caller, as long as `cma` is used).
+ * Errors: MEMORY, ALIGNMENT, LIMITS. Clears all conditions.
+ */
+palp_status palp_cma_init(palp_cma *cma, const palp_blob *blob, uint32_t max_unknowns, void *memory,
+                          size_t bytes);
+
+/* Back to the RBVP without loads. O(nodes). */
+void palp_cma_clear(palp_cma *cma);
+
+/*
+ * Gives `node` a condition. Costs 3, 2, 1 or 0 unknowns. Errors: ARGUMENT (node out of range, given
+ * twice, or RELEASE of a free node), NOT_FINITE, CAPACITY, ABSENT (a fixed node in a blob without its
+ * column). On error nothing changes.
+ */
+palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value);
+
+/* Body force: acceleration in m/s^2 times the baked density. Error: ABSENT, NOT_FINITE. */
+palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
+
+/*
+ * Solves; u_m and f_N are float[nodes][3]: displacement, and the force that the surroundings apply.
+ * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR.
+ * Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
+ */
+palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);
+
+#endif

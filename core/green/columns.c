@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: MIT */
+#include "columns.h"
+
+/* Value of an IEEE half; the blob holds no infinities and no NaN. */
+static float half_to_float(uint16_t half) {
+    union {
+        uint32_t u;
+        float f;
+    } bits = {.u = (uint32_t)(half & 0x7fffu) << 13};
+    union {
+        uint32_t u;
+        float f;
+    } rebias = {.u = (254u - 15u) << 23};
+    float magnitude = bits.f * rebias.f; /* exact, subnormal halves included */
+    return (half & 0x8000u) != 0u ? -magnitude : magnitude;
+}
+
+/* The 72 values of one group: in place for f32, decoded into `buffer` for f16. */
+static const float *group_values(const palp_columns *c, uint32_t group, float *buffer) {
+    if (c->value != NULL) return c->value + (size_t)group * PALP_GROUP_VALUES;
+    const uint16_t *half = c->half + (size_t)group * PALP_GROUP_VALUES;
+    for (uint32_t k = 0; k < PALP_GROUP_VALUES; k++) buffer[k] = half_to_float(half[k]);
+    return buffer;
+}
+
+/* The eight products of one group; one lane never meets another, so any vector width gives these bits. */
+static void multiply_group(const float *restrict a, const float v[3], float *restrict y) {
+    for (uint32_t k = 0; k < PALP_LANES; k++) {
+        y[4 * k + 0] = a[0 * PALP_LANES + k] * v[0] + a[1 * PALP_LANES + k] * v[1] +
+                       a[2 * PALP_LANES + k] * v[2];
+        y[4 * k + 1] = a[3 * PALP_LANES + k] * v[0] + a[4 * PALP_LANES + k] * v[1] +
+                       a[5 * PALP_LANES + k] * v[2];
+        y[4 * k + 2] = a[6 * PALP_LANES + k] * v[0] + a[7 * PALP_LANES + k] * v[1] +
+                       a[8 * PALP_LANES + k] * v[2];
+        y[4 * k + 3] = 0.0f;
+    }
+}
+
+void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3], float *details) {
+    float buffer[PALP_GROUP_VALUES];
+    float product[4 * PALP_LANES];
+    float scale = columns->scale[j];
+    float scaled[3] = {scale * v[0], scale * v[1], scale * v[2]};
+    for (uint32_t g = columns->offset[j]; g < columns->offset[j + 1]; g++) {
+        multiply_group(group_values(columns, g, buffer), scaled, product);
+        const uint16_t *index = columns->index + (size_t)g * PALP_LANES;
+        for (uint32_t k = 0; k < PALP_LANES; k++) {
+            float *target = details + 4u * index[k];
+            for (uint32_t lane = 0; lane < 4; lane++) target[lane] += product[4 * k + lane];
+        }
+    }
+}
+
+static float value_at(const palp_columns *c, uint32_t at, uint32_t entry) {
+    size_t k = (size_t)(at / PALP_LANES) * PALP_GROUP_VALUES + entry * PALP_LANES + at % PALP_LANES;
+    return c->value != NULL ? c->value[k] : half_to_float(c->half[k]);
+}
+
+/* Where `slot` would stand if no row before it were missing, if it does stand there; else `at`. */
+static uint32_t skip_ahead(const palp_columns *c, uint32_t first, uint32_t end, uint32_t at,
+                           uint32_t slot) {
+    uint32_t direct = first + slot;
+    bool hit = direct < end && c->index[direct] == slot;
+    bool padding = hit && direct > first && c->index[direct - 1] == slot;
+    return hit && !padding ? direct : at;
+}
+
+void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row, float block[9]) {
+    float sum[9] = {0};
+    uint32_t first = columns->offset[j] * PALP_LANES;
+    uint32_t end = columns->offset[j + 1] * PALP_LANES;
+    uint32_t at = first;
+    for (uint32_t r = 0; r < row->count && at < end; r++) {
+        uint32_t slot = row->index[r];
+        at = skip_ahead(columns, first, end, at, slot);
+        while (at < end && columns->index[at] < slot) at++;
+        if (at == end || columns->index[at] != slot) continue;
+        for (uint32_t e = 0; e < 9; e++) sum[e] += row->weight[r] * value_at(columns, at, e);
+    }
+    for (uint32_t e = 0; e < 9; e++) block[e] = columns->scale[j] * sum[e];
+}

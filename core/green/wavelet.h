@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The lifted linear wavelet transform on a vertex domain (MR 4.3; MATH.md 4 of the design).
+ *
+ * Fields are float[slots][4]: x, y, z and a lane that stays zero, so that one node is one vector
+ * register. In place; one fixed order of operations. Level by level,
+ *
+ *   forward, l = L..1     predict  x_m -= sum_a w_ma x_a     update  x_a += sum_m s_am x_m
+ *   inverse, l = 1..L     update   x_a -= sum_m s_am x_m     predict x_m += sum_a w_ma x_a
+ *
+ * where m runs over the odd slots of level l and a over the (at most two) parents of m in the domain.
+ * Unlifted transforms are the same with s = 0.
+ */
+#ifndef PALP_GREEN_WAVELET_H
+#define PALP_GREEN_WAVELET_H
+
+#include "core/blob/blob.h"
+
+#define PALP_FIELD_LANES 4u
+
+/* x := W x. 4 lanes, 8 multiply-adds per odd slot and lane. */
+void palp_wavelet_forward(const palp_domain *domain, float *x);
+
+/*
+ * x := W^-1 x up to level `level` (0..levels-1): the first level_start[level + 1] slots hold the field
+ * on that level, which is the coarser level of detail of MR 9.1; later slots keep their details.
+ */
+void palp_wavelet_inverse(const palp_domain *domain, float *x, uint32_t level);
+
+/*
+ * One row of W^-1 (the operator E^T W^-1 of MR 5.3): the field at `slot` equals
+ * sum_k weight[k] detail[index[k]], indices ascending.
+ */
+typedef struct {
+    uint32_t count;
+    uint16_t *index;
+    float *weight;
+} palp_row;
+
+/* Scratch of palp_wavelet_row: weights[slots] and marks[(slots + 31) / 32], zero between calls. */
+typedef struct {
+    float *weight;
+    uint32_t *mark;
+} palp_row_scratch;
+
+/*
+ * Walks the tree from `slot` down to level 0 and writes its row; `row` has room for `capacity` entries.
+ * Returns false, and a row of count 0, if it needs more. Cost: levels * slots / 32 words scanned and
+ * one multiply-add per tree edge touched; at most meta.max_row entries.
+ */
+bool palp_wavelet_row(const palp_domain *domain, uint32_t slot, palp_row_scratch *scratch,
+                      palp_row *row, uint32_t capacity);
+
+#endif

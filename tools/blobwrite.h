@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: MIT */
+/* Writes a blob: sections are collected, laid out, checked in and given their CRCs. */
+#ifndef PALP_TOOLS_BLOBWRITE_H
+#define PALP_TOOLS_BLOBWRITE_H
+
+#include "compress.h"
+
+/* Everything that one blob of an elastostatic body holds; pointers are borrowed. */
+typedef struct {
+    const mesh *m;
+    const uint8_t *fixed;
+    const double *area;
+    double (*normal)[3];
+    palp_meta meta; /* material, options, errors; counts and grid are filled in here */
+    const domain_data *domain[PALP_DOMAINS];
+    const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */
+} blob_content;
+
+/* Returns the finished bytes (64-byte aligned, to be freed); they pass palp_blob_open. */
+uint8_t *blob_serialize(blob_content *content, size_t *bytes);
+
+#endif

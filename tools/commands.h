@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: MIT */
+/* The commands of `palp`; each gets argv with its own name first and returns the exit code. */
+#ifndef PALP_TOOLS_COMMANDS_H
+#define PALP_TOOLS_COMMANDS_H
+
+#include "core/blob/blob.h"
+
+int command_remesh(int argc, char **argv);
+int command_subdivide(int argc, char **argv);
+int command_bake(int argc, char **argv);
+int command_info(int argc, char **argv);
+int command_solve(int argc, char **argv);
+
+/* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay allocated. */
+palp_blob load_blob(const char *path);
+
+#endif

@@ -1,0 +1,301 @@
+/* SPDX-License-Identifier: MIT */
+#include "greens.h"
+#include "dense.h"
+#include "parallel.h"
+#include "util.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/*
+ * The RBVP as A y = R: unknown tractions p / E on U (so that both kinds of unknown have the size of
+ * displacements) and displacements on F. Swapping columns of H and G in place turns them into A and R.
+ */
+typedef struct {
+    const mesh *m;
+    const uint8_t *fixed;
+    const bem_material *material;
+    const double *area;
+    double *h, *g;
+    size_t h_stride, g_stride;
+} rbvp;
+
+static void swap_columns(void *context, size_t row) {
+    const rbvp *p = context;
+    for (uint32_t j = 0; j < p->m->vertices; j++) {
+        for (size_t axis = 0; axis < 3; axis++) {
+            double *h = p->h + row * p->h_stride + 3 * j + axis;
+            double *g = p->g + row * p->g_stride + 3 * j + axis;
+            if (p->fixed[j] != 0) {
+                double t = *h;
+                *h = -*g * p->material->young_Pa;
+                *g = -t;
+            } else {
+                *g /= p->area[j];
+            }
+        }
+    }
+}
+
+/* Displacement of the hydrostatic particular solution for unit body force along `axis`, at x - origin. */
+static void particular_displacement(const bem_material *material, const double y[3], size_t axis,
+                                    double u[3]) {
+    double a = -(1 - 2 * material->poisson) / material->young_Pa;
+    for (size_t k = 0; k < 3; k++) {
+        u[k] = a * (y[axis] * y[k] - (k == axis ? 0.5 * v_dot(y, y) : 0));
+    }
+}
+
+/* Right-hand sides of gravity: known tractions on F from `body`, known displacements on U. */
+static void gravity_columns(const rbvp *p, const double *body, const double origin[3], double density) {
+    size_t n = p->m->vertices;
+    for (size_t row = 0; row < 3 * n; row++) {
+        for (size_t axis = 0; axis < 3; axis++) {
+            double sum = body[3 * row + axis];
+            for (size_t j = 0; j < n; j++) {
+                if (p->fixed[j] == 0) continue;
+                double y[3], u[3];
+                v_sub(p->m->x[j], origin, y);
+                particular_displacement(p->material, y, axis, u);
+                /* columns of U in R hold -H already, and u^h = -u^p there */
+                for (size_t k = 0; k < 3; k++) sum -= p->g[row * p->g_stride + 3 * j + k] * u[k];
+            }
+            p->g[row * p->g_stride + 3 * n + axis] = density * sum;
+        }
+    }
+}
+
+/* Adds the particular solution back: displacement on F, consistent nodal force on U. */
+static void add_particular(const rbvp *p, const double origin[3], double density) {
+    size_t n = p->m->vertices;
+    for (size_t i = 0; i < n; i++) {
+        for (size_t axis = 0; axis < 3 && p->fixed[i] == 0; axis++) {
+            double y[3], u[3];
+            v_sub(p->m->x[i], origin, y);
+            particular_displacement(p->material, y, axis, u);
+            for (size_t k = 0; k < 3; k++) p->g[(3 * i + k) * p->g_stride + 3 * n + axis] += density * u[k];
+        }
+    }
+    for (uint32_t t = 0; t < p->m->triangles; t++) {
+        const uint32_t *v = p->m->t[t];
+        double normal[3];
+        triangle_normal(p->m->x[v[0]], p->m->x[v[1]], p->m->x[v[2]], normal);
+        for (size_t c = 0; c < 3; c++) {
+            if (p->fixed[v[c]] == 0) continue;
+            for (size_t axis = 0; axis < 3; axis++) {
+                double sum = 0; /* 12 times the mean of phi_c (y . e_axis) over the triangle */
+                for (size_t k = 0; k < 3; k++) {
+                    sum += (k == c ? 2 : 1) * (p->m->x[v[k]][axis] - origin[axis]);
+                }
+                for (size_t k = 0; k < 3; k++) {
+                    p->g[(3 * v[c] + k) * p->g_stride + 3 * n + axis] -= density * 0.5 * normal[k] * sum / 12;
+                }
+            }
+        }
+    }
+}
+
+/* Tractions become reaction forces: f = a E (p / E). */
+static void forces_from_tractions(const rbvp *p) {
+    for (size_t i = 0; i < p->m->vertices; i++) {
+        if (p->fixed[i] == 0) continue;
+        double factor = p->area[i] * p->material->young_Pa;
+        for (size_t k = 0; k < 3 * p->g_stride; k++) p->g[3 * i * p->g_stride + k] *= factor;
+    }
+}
+
+/* Largest |load + reactions| over unit nodal loads: what collocation leaves of global equilibrium. */
+static double equilibrium_residual(const greens *g) {
+    double worst = 0;
+    for (size_t j = 0; j < g->nodes; j++) {
+        if (g->fixed[j] != 0) continue;
+        for (size_t c = 0; c < 3; c++) {
+            double sum[3] = {0};
+            sum[c] = 1;
+            for (size_t i = 0; i < g->nodes; i++) {
+                for (size_t k = 0; k < 3 && g->fixed[i] != 0; k++) sum[k] += greens_row(g, i, k)[3 * j + c];
+            }
+            worst = fmax(worst, v_norm(sum));
+        }
+    }
+    return worst;
+}
+
+greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                       double density_kg_m3) {
+    size_t n = m->vertices;
+    size_t order = 3 * n;
+    double origin[3] = {0};
+    rbvp p = {.m = m, .fixed = fixed, .material = material, .h_stride = order, .g_stride = order + 3};
+    double *area = allocate(n, sizeof *area);
+    double(*normal)[3] = allocate(n, sizeof *normal);
+    mesh_nodal(m, area, normal);
+    free(normal);
+    p.area = area;
+    for (size_t i = 0; i < n; i++) {
+        for (int k = 0; k < 3; k++) origin[k] += m->x[i][k] / (double)n;
+    }
+    uint8_t *loaded = allocate(n, 1);
+    for (size_t i = 0; i < n; i++) loaded[i] = fixed[i] == 0;
+    double *body = allocate(3 * order, sizeof *body);
+    p.h = allocate_aligned(order * order, sizeof *p.h);
+    p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
+    bem_assemble(m, material, p.h, order, p.g, p.g_stride, body, loaded, origin);
+    parallel_for(order, swap_columns, &p);
+    gravity_columns(&p, body, origin, density_kg_m3);
+    free(body);
+    free(loaded);
+
+    uint32_t *perm = allocate(order, sizeof *perm);
+    progress_begin("LU factorisation", (double)order * (double)order * (double)order / 3);
+    size_t bad = dense_lu(p.h, order, order, perm);
+    progress_end();
+    if (bad < order) {
+        die(EXIT_WORK,
+            "the boundary value problem is singular at vertex %zu (0-based): the fixed nodes must hold the "
+            "body against every translation and rotation",
+            bad / 3);
+    }
+    progress_begin("Green's functions", 1);
+    dense_lu_solve(p.h, order, order, perm, p.g, p.g_stride, p.g_stride);
+    progress_end();
+    free(perm);
+    free(p.h);
+    forces_from_tractions(&p);
+    add_particular(&p, origin, density_kg_m3);
+    free(area);
+    greens g = {.nodes = m->vertices, .width = p.g_stride, .m = p.g, .fixed = fixed, .gravity = true,
+                .reactions = true};
+    g.equilibrium_residual = equilibrium_residual(&g);
+    return g;
+}
+
+/* ---- compliance from elsewhere ---- */
+
+static size_t npy_number(const char *path, const char *header, const char *key) {
+    const char *at = strstr(header, key);
+    if (at == NULL) die(EXIT_WORK, "%s: malformed .npy header", path);
+    return strtoul(at + strlen(key), NULL, 10);
+}
+
+greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
+    size_t bytes;
+    char *data = read_file(path, &bytes);
+    if (bytes < 12 || memcmp(data, "\x93NUMPY", 6) != 0) die(EXIT_WORK, "%s: not a .npy file", path);
+    bool short_header = data[6] == 1;
+    uint32_t length = 0;
+    memcpy(&length, data + 8, short_header ? 2 : 4);
+    size_t start = (short_header ? 10u : 12u) + length;
+    if (start > bytes) die(EXIT_WORK, "%s: truncated .npy header", path);
+    data[start - 1] = '\0';
+    const char *header = data + (short_header ? 10 : 12);
+    bool wide = strstr(header, "'<f8'") != NULL;
+    if (!wide && strstr(header, "'<f4'") == NULL) {
+        die(EXIT_WORK, "%s: need little-endian f4 or f8 numbers", path);
+    }
+    bool fortran = strstr(header, "'fortran_order': True") != NULL;
+    size_t rows = npy_number(path, header, "'shape': (");
+    size_t size = wide ? 8 : 4;
+    uint32_t free_nodes = 0;
+    for (uint32_t i = 0; i < m->vertices; i++) free_nodes += fixed[i] == 0;
+    bool full = rows == 3 * (size_t)m->vertices;
+    if (!full && rows != 3 * (size_t)free_nodes) {
+        die(EXIT_WORK, "%s: %zu rows; need %zu (free nodes) or %zu (all nodes)", path, rows,
+            3 * (size_t)free_nodes, 3 * (size_t)m->vertices);
+    }
+    if (bytes - start != rows * rows * size) die(EXIT_WORK, "%s: not a square matrix of %zu rows", path, rows);
+    greens g = {.nodes = m->vertices, .width = 3 * (size_t)m->vertices, .fixed = fixed};
+    g.m = allocate_aligned(g.width * g.width, sizeof *g.m);
+    for (size_t i = 0, r = 0; i < m->vertices; i++) {
+        if (fixed[i] != 0) continue;
+        size_t row = full ? i : r++;
+        for (size_t j = 0, c = 0; j < m->vertices; j++) {
+            if (fixed[j] != 0) continue;
+            size_t column = full ? j : c++;
+            for (size_t k = 0; k < 9; k++) {
+                size_t a = 3 * row + k / 3, b = 3 * column + k % 3;
+                const char *at = data + start + size * (fortran ? b * rows + a : a * rows + b);
+                float narrow;
+                double value;
+                memcpy(wide ? (void *)&value : (void *)&narrow, at, size);
+                value = wide ? value : (double)narrow;
+                if (!isfinite(value)) die(EXIT_WORK, "%s: entry (%zu, %zu) is not finite", path, a, b);
+                greens_row(&g, i, k / 3)[3 * j + k % 3] = value;
+            }
+        }
+    }
+    free(data);
+    return g;
+}
+
+/* ---- reciprocity ---- */
+
+static bool both_free(const greens *g, size_t i, size_t j) { return g->fixed[i] == 0 && g->fixed[j] == 0; }
+
+static double asymmetry(const greens *g) {
+    double difference = 0, norm = 0;
+    for (size_t i = 0; i < g->nodes; i++) {
+        for (size_t j = 0; j < g->nodes; j++) {
+            if (!both_free(g, i, j)) continue;
+            for (size_t k = 0; k < 9; k++) {
+                double a = greens_row(g, i, k / 3)[3 * j + k % 3];
+                double b = greens_row(g, j, k % 3)[3 * i + k / 3];
+                difference += (a - b) * (a - b);
+                norm += a * a;
+            }
+        }
+    }
+    return sqrt(difference / norm);
+}
+
+static void average_pair(const greens *g, size_t i, size_t j) {
+    double sign = (g->fixed[i] != 0) == (g->fixed[j] != 0) ? 1 : -1;
+    for (size_t k = 0; k < 9; k++) {
+        double *a = &greens_row(g, i, k / 3)[3 * j + k % 3];
+        double *b = &greens_row(g, j, k % 3)[3 * i + k / 3];
+        double mean = 0.5 * (*a + sign * *b);
+        *a = mean;
+        *b = sign * mean;
+    }
+}
+
+/* LU without row exchanges of the free-free block meets only positive pivots exactly when it is SPD. */
+static void require_definite(const greens *g) {
+    size_t order = 0;
+    uint32_t *node = allocate(g->nodes, sizeof *node);
+    for (uint32_t i = 0; i < g->nodes; i++) {
+        if (g->fixed[i] == 0) node[order++] = i;
+    }
+    double *a = allocate_aligned(9 * order * order, sizeof *a);
+    for (size_t i = 0; i < order; i++) {
+        for (size_t k = 0; k < 3; k++) {
+            double *row = a + (3 * i + k) * 3 * order;
+            for (size_t j = 0; j < order; j++) {
+                memcpy(row + 3 * j, greens_row(g, node[i], k) + 3 * node[j], 3 * sizeof *row);
+            }
+        }
+    }
+    progress_begin("definiteness", 9.0 * (double)(order * order) * (double)order);
+    size_t bad = dense_lu(a, 3 * order, 3 * order, NULL);
+    progress_end();
+    if (bad < 3 * order) {
+        die(EXIT_WORK,
+            "the symmetrised compliance is not positive definite at node %" PRIu32
+            " (0-based): refine or repair the mesh there",
+            node[bad / 3]);
+    }
+    free(a);
+    free(node);
+}
+
+void greens_reciprocity(greens *g, bool enforce) {
+    g->reciprocity_residual = asymmetry(g);
+    if (!enforce) return;
+    for (size_t i = 0; i < g->nodes; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            if (both_free(g, i, j) || g->reactions) average_pair(g, i, j);
+        }
+    }
+    require_definite(g);
+}

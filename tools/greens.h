@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Green's functions of the reference boundary value problem, dense and in force form, from the boundary
+ * element solver or from a compliance matrix made elsewhere.
+ */
+#ifndef PALP_TOOLS_GREENS_H
+#define PALP_TOOLS_GREENS_H
+
+#include "bem.h"
+
+/*
+ * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the response
+ * to unit acceleration along x, y, z when `gravity` is set. Rows of free nodes are displacements (m), rows of
+ * fixed nodes reaction forces (N); columns of free nodes are forces, of fixed nodes displacements.
+ */
+typedef struct {
+    uint32_t nodes;
+    size_t width; /* columns = row stride of m */
+    double *m;    /* [3 nodes][width] */
+    const uint8_t *fixed;
+    bool gravity, reactions; /* what the matrix holds beyond the free-free block */
+    double reciprocity_residual, equilibrium_residual;
+} greens;
+
+/* Solves the RBVP for every column. Exits when the system is singular. Cost: 8/3 (3n)^3 flops. */
+greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                       double density_kg_m3);
+
+/* Reads a .npy matrix: free-free (3 m x 3 m, mesh order) or full (3 n x 3 n, rows of fixed nodes ignored). */
+greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed);
+
+/*
+ * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part (free-free
+ * and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and exits unless the free-free block is
+ * positive definite.
+ */
+void greens_reciprocity(greens *g, bool enforce);
+
+static inline double *greens_row(const greens *g, size_t node, size_t axis) {
+    return g->m + (3 * node + axis) * g->width;
+}
+
+#endif

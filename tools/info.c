@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: MIT */
+#include "args.h"
+#include "commands.h"
+#include "util.h"
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] = "usage: palp info BLOB [--json]\n\nChecks a blob and says what it holds.\n";
+
+static const option options[] = {{"--json", 0}, {NULL, 0}};
+
+typedef struct {
+    const char *blob;
+    bool json;
+} info_spec;
+
+static void set_option(void *context, const argument *a) {
+    info_spec *s = context;
+    if (a->option != NULL) {
+        s->json = true;
+    } else if (s->blob == NULL) {
+        s->blob = a->value[0];
+    } else {
+        die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
+    }
+}
+
+palp_blob load_blob(const char *path) {
+    size_t bytes;
+    void *data = read_file(path, &bytes);
+    palp_blob blob;
+    palp_status status = palp_blob_open(&blob, data, bytes);
+    if (status != PALP_OK) {
+        die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", path, palp_status_text(status), bytes);
+    }
+    return blob;
+}
+
+static void print_json(const palp_blob *b, const char *sha, double dense_bytes, double compression) {
+    const palp_meta *m = b->meta;
+    printf("{\"nodes\": %" PRIu32 ", \"free_nodes\": %" PRIu32 ", \"fixed_nodes\": %" PRIu32
+           ", \"triangles\": %" PRIu32 ", \"levels\": %" PRIu32 ",\n",
+           m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->triangles, m->levels);
+    printf(" \"young_pa\": %.9g, \"poisson\": %.9g, \"density_kg_m3\": %.9g, \"epsilon\": %.9g,\n",
+           (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3, (double)m->epsilon);
+    printf(" \"wavelet\": \"linear\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
+           palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
+           palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
+           palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
+    printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.6g,\n", b->bytes, dense_bytes, compression);
+    printf(" \"rms_error\": %.6g, \"max_error\": %.6g, \"reciprocity_residual\": %.6g, "
+           "\"equilibrium_residual\": %.6g,\n",
+           (double)m->rms_error, (double)m->max_error, (double)m->reciprocity_residual,
+           (double)m->equilibrium_residual);
+    printf(" \"mesh_sha256\": \"%s\",\n", sha);
+    printf(" \"stiffness_n_per_m\": {\"min\": %.6g, \"max\": %.6g},\n", (double)m->stiffness_min_N_per_m,
+           (double)m->stiffness_max_N_per_m);
+    printf(" \"gravity\": %s, \"reactions\": %s,\n", palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
+           palp_blob_has(b, PALP_META_REACTIONS) ? "true" : "false");
+    printf(" \"constraint_levels\": [{\"level\": %" PRIu32 ", \"nodes\": %" PRIu32 ", \"blocks\": %" PRIu64
+           ", \"table_bytes\": 0}]}\n",
+           m->levels - 1, m->domain_nodes[PALP_FREE], m->free_blocks);
+}
+
+static void print_text(const palp_blob *b, const char *sha, double dense_bytes, double compression) {
+    const palp_meta *m = b->meta;
+    printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed)\n", m->nodes,
+           m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED]);
+    printf("triangles             %" PRIu32 ", mean edge %.4g m\n", m->triangles, (double)m->mean_edge_m);
+    printf("levels                %" PRIu32 ", free nodes per level", m->levels);
+    for (uint32_t l = 0; l < m->levels; l++) {
+        const uint32_t *start = b->domain[PALP_FREE].level_start;
+        printf(" %" PRIu32, start[l + 1] - start[l]);
+    }
+    printf("\nmaterial              Young %.6g Pa, Poisson %.4g, density %.6g kg/m3\n", (double)m->young_Pa,
+           (double)m->poisson, (double)m->density_kg_m3);
+    printf("wavelet               linear %s, epsilon %g, %s storage\n",
+           palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
+           palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
+    printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n", compression,
+           m->free_blocks, dense_bytes / 36, (double)m->rms_error, (double)m->max_error);
+    printf("reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
+           palp_blob_has(b, PALP_META_SYMMETRIC) ? ", enforced" : ", kept (raw)");
+    printf("equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
+    printf("node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
+           (double)m->stiffness_max_N_per_m);
+    printf("mesh SHA-256          %s\n", sha);
+    printf("bytes                 %zu (dense free-free block: %.0f)\n", b->bytes, dense_bytes);
+}
+
+int command_info(int argc, char **argv) {
+    info_spec s = {0};
+    args_parse(argc, argv, options, help, set_option, &s);
+    if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
+    palp_blob b = load_blob(s.blob);
+    char sha[65];
+    for (size_t i = 0; i < 32; i++) snprintf(sha + 2 * i, 3, "%02x", b.meta->mesh_sha256[i]);
+    double free_nodes = b.meta->domain_nodes[PALP_FREE];
+    double dense_bytes = 36 * free_nodes * free_nodes;
+    double compression = free_nodes * free_nodes / (double)b.meta->free_blocks;
+    (s.json ? print_json : print_text)(&b, sha, dense_bytes, compression);
+    return EXIT_SUCCESS;
+}

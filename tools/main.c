@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: MIT */
+#include "commands.h"
+#include "util.h"
+#include <stdlib.h>
+#include <string.h>
+
+static const struct {
+    const char *name;
+    int (*run)(int argc, char **argv);
+    const char *summary;
+} commands[] = {
+    {"remesh", command_remesh, "turn a triangle mesh into one with subdivision connectivity"},
+    {"subdivide", command_subdivide, "refine a control mesh by Loop's scheme"},
+    {"bake", command_bake, "compute and compress Green's functions: mesh in, blob out"},
+    {"info", command_info, "say what a blob holds"},
+    {"solve", command_solve, "solve one boundary value problem with a blob"},
+};
+#define COMMANDS (sizeof commands / sizeof commands[0])
+
+static void usage(FILE *f) {
+    fputs("usage: palp COMMAND [ARGUMENTS]\n\n", f);
+    for (size_t i = 0; i < COMMANDS; i++) fprintf(f, "  %-10s %s\n", commands[i].name, commands[i].summary);
+    fputs("\n'palp COMMAND --help' lists the options of a command.\n", f);
+}
+
+int main(int argc, char **argv) {
+    if (argc < 2) {
+        usage(stderr);
+        return EXIT_USAGE;
+    }
+    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
+        usage(stdout);
+        return EXIT_SUCCESS;
+    }
+    for (size_t i = 0; i < COMMANDS; i++) {
+        if (strcmp(argv[1], commands[i].name) != 0) continue;
+        static char name[32];
+        snprintf(name, sizeof name, "palp %s", argv[1]);
+        program_name = name;
+        return commands[i].run(argc - 1, argv + 1);
+    }
+    die(EXIT_USAGE, "unknown command '%s' (palp --help lists the commands)", argv[1]);
+}

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: MIT */
+/* Subdivision connectivity: found in a given mesh, or made by refining one. */
+#ifndef PALP_TOOLS_SEMIREG_H
+#define PALP_TOOLS_SEMIREG_H
+
+#include "mesh.h"
+
+#define NO_PARENT UINT32_MAX
+
+/* The level on which each vertex first appears, and the two ends of the edge that it splits. */
+typedef struct {
+    uint32_t levels; /* coarsest 0 .. finest levels - 1 */
+    uint8_t *level;  /* [vertices] */
+    uint32_t (*parent)[2];
+} semireg;
+
+/*
+ * Undoes one-to-four splits for as long as the connectivity allows, whatever the order of the vertices; a
+ * mesh without subdivision connectivity has one level.
+ */
+semireg semireg_detect(const mesh *m);
+void semireg_free(semireg *s);
+
+/* Splits every triangle in four at the edge midpoints; new vertices are appended in edge order. */
+mesh subdivide_midpoint(const mesh *m);
+
+/* One step of Loop's scheme: the same connectivity, smoothed positions. */
+mesh subdivide_loop(const mesh *m);
+
+#endif
