@@ -55,16 +55,23 @@ static void parse_line(const char *path, size_t number, char *line, const option
     handle(context, &a);
 }
 
+void args_parse_text(const char *name, const char *text, const option *table, argument_handler handle,
+                     void *context) {
+    char *copy = copy_string(text);
+    size_t number = 0;
+    for (char *line = copy; line != NULL;) {
+        char *next = strchr(line, '\n');
+        if (next != NULL) *next++ = '\0';
+        parse_line(name, ++number, line, table, handle, context);
+        line = next;
+    }
+    free(copy);
+}
+
 void args_parse_file(const char *path, const option *table, argument_handler handle, void *context) {
     size_t bytes;
     char *text = read_file(path, &bytes);
-    size_t number = 0;
-    for (char *line = text; line != NULL;) {
-        char *next = strchr(line, '\n');
-        if (next != NULL) *next++ = '\0';
-        parse_line(path, ++number, line, table, handle, context);
-        line = next;
-    }
+    args_parse_text(path, text, table, handle, context);
     free(text);
 }
 

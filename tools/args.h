@@ -30,6 +30,9 @@ void args_parse(int argc, char **argv, const option *table, const char *help, ar
 
 /* The same for a file of lines `key value...` with the option names without dashes; '#' starts a comment. */
 void args_parse_file(const char *path, const option *table, argument_handler handle, void *context);
+/* The same for text already in memory; `name` is what messages call it. */
+void args_parse_text(const char *name, const char *text, const option *table, argument_handler handle,
+                     void *context);
 
 /* Values checked; each exits 2 with the option named. arg_between excludes both bounds. */
 double arg_double(const argument *a, int index);

@@ -21,6 +21,7 @@ static const char help[] =
     "  -o OUT.palp             the blob\n"
     "  --levels N              remesh to N refinements of a coarse base first (default 3)\n"
     "  --as-is                 use the mesh exactly as given\n"
+    "  --loop N                refine a control mesh by N steps of Loop's scheme instead of remeshing\n"
     "  --young PA              Young's modulus\n"
     "  --poisson NU            Poisson's ratio, -1 < NU < 0.5\n"
     "  --density KG/M3         default 1000\n"
@@ -39,7 +40,7 @@ static const char help[] =
     "IN.model holds the same keys, one per line without dashes, and 'mesh FILE' relative to itself.\n";
 
 static const option options[] = {
-    {"-o", 1},          {"--mesh", 1},     {"--levels", 1},      {"--as-is", 0},   {"--young", 1},
+    {"-o", 1},          {"--mesh", 1},     {"--levels", 1},      {"--as-is", 0},   {"--loop", 1},   {"--young", 1},
     {"--poisson", 1},   {"--density", 1},  {"--fix-below", 2},   {"--fix-above", 2}, {"--fix-box", 6},
     {"--fix-nodes", 1}, {"--wavelet", 1},  {"--unlifted", 0},    {"--epsilon", 1}, {"--storage", 1},
     {"--reciprocity", 1}, {"--compliance", 1}, {"--save-mesh", 1}, {"--threads", 1}, {NULL, 0},
@@ -59,7 +60,7 @@ typedef struct {
     const char *input, *mesh_path, *output, *save_mesh, *compliance;
     const char *folder; /* of the model file, for relative paths */
     bool as_is, unlifted, half, raw, levels_given;
-    uint32_t levels;
+    uint32_t levels, loop;
     double young_Pa, poisson, density, epsilon;
     fix fixes[MAX_FIXES];
     int fix_count;
@@ -105,6 +106,9 @@ static void set_option(void *context, const argument *a) {
         s->levels_given = true;
     } else if (strcmp(o, "--as-is") == 0) {
         s->as_is = true;
+    } else if (strcmp(o, "--loop") == 0) {
+        s->loop = arg_u32(a, 0, 1, 8);
+        s->as_is = true;
     } else if (strcmp(o, "--young") == 0) {
         s->young_Pa = arg_between(a, 0, 1e15);
     } else if (strcmp(o, "--poisson") == 0) {
@@ -141,18 +145,27 @@ static void set_option(void *context, const argument *a) {
     }
 }
 
-static void read_model(bake_spec *s) {
-    const char *dot = strrchr(s->input, '.');
+/* The command line; when it names a model file, that file first and the command line over it. */
+static bake_spec read_spec(int argc, char **argv) {
+    const bake_spec defaults = {.levels = 3, .poisson = NAN, .density = 1000, .epsilon = 0.05};
+    bake_spec s = defaults;
+    args_parse(argc, argv, options, help, set_option, &s);
+    const char *input = s.input;
+    const char *dot = input != NULL ? strrchr(input, '.') : NULL;
     if (dot == NULL || strcmp(dot, ".model") != 0) {
-        s->mesh_path = s->input;
-        return;
+        if (input != NULL) s.mesh_path = input;
+        return s;
     }
-    char *folder = copy_string(s->input);
+    s = defaults;
+    char *folder = copy_string(input);
     char *slash = strrchr(folder, '/');
     if (slash != NULL) slash[1] = '\0';
-    s->folder = slash != NULL ? folder : NULL;
-    args_parse_file(s->input, options, set_option, s);
-    if (s->mesh_path == NULL) die(EXIT_USAGE, "%s: no 'mesh FILE' line", s->input);
+    s.folder = slash != NULL ? folder : NULL;
+    args_parse_file(input, options, set_option, &s);
+    s.folder = NULL;
+    args_parse(argc, argv, options, help, set_option, &s);
+    if (s.mesh_path == NULL) die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
+    return s;
 }
 
 static void require_complete(const bake_spec *s) {
@@ -161,7 +174,7 @@ static void require_complete(const bake_spec *s) {
     if (!(s->young_Pa > 0)) die(EXIT_USAGE, "no stiffness: add --young PA");
     if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
     if (s->fix_count == 0) die(EXIT_USAGE, "no fixed node: add --fix-below, --fix-above, --fix-box or --fix-nodes");
-    if (s->as_is && s->levels_given) die(EXIT_USAGE, "--as-is and --levels exclude each other");
+    if (s->as_is && s->levels_given) die(EXIT_USAGE, "--levels remeshes: leave it out with --as-is or --loop");
 }
 
 /* ---- fixed nodes ---- */
@@ -261,6 +274,11 @@ static mesh prepare_mesh(const bake_spec *s) {
         m = r;
     }
     mesh_require_closed(&m, s->mesh_path);
+    for (uint32_t l = 0; l < s->loop; l++) {
+        mesh finer = subdivide_loop(&m);
+        mesh_free(&m);
+        m = finer;
+    }
     if (m.vertices > PALP_MAX_NODES) {
         die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels", s->mesh_path,
             m.vertices, PALP_MAX_NODES);
@@ -314,10 +332,8 @@ static void report(const palp_meta *m, size_t bytes, double seconds) {
 }
 
 int command_bake(int argc, char **argv) {
-    bake_spec s = {.levels = 3, .poisson = NAN, .density = 1000, .epsilon = 0.05};
     double start = now_s();
-    args_parse(argc, argv, options, help, set_option, &s);
-    if (s.input != NULL) read_model(&s);
+    bake_spec s = read_spec(argc, argv);
     require_complete(&s);
     output out = open_output(s.output);
 

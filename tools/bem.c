@@ -228,10 +228,9 @@ typedef struct {
     const mesh *m;
     const bem_material *material;
     const element *elements;
-    double *h, *g, *body;
+    double *h, *g;
     size_t h_stride, g_stride;
-    const uint8_t *mask;
-    const double *origin;
+    const bem_traction *traction;
 } assembly;
 
 static const int symmetric_index[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
@@ -259,11 +258,13 @@ static void add_block(double *matrix, size_t stride, size_t row, size_t column, 
     }
 }
 
-static void add_body(const assembly *a, size_t node, uint32_t vertex, const element *e, double u[3][3]) {
+static void add_traction(const bem_traction *p, size_t node, const double y[3], const element *e, double u[3][3]) {
+    double t[3 * BEM_MAX_TRACTIONS];
+    p->at(p->context, y, e->normal, t);
     for (size_t i = 0; i < 3; i++) {
-        double push = u[i][0] * e->normal[0] + u[i][1] * e->normal[1] + u[i][2] * e->normal[2];
-        for (size_t axis = 0; axis < 3; axis++) {
-            a->body[(3 * node + i) * 3 + axis] += push * (a->m->x[vertex][axis] - a->origin[axis]);
+        for (size_t c = 0; c < p->columns; c++) {
+            double sum = u[i][0] * t[c] + u[i][1] * t[p->columns + c] + u[i][2] * t[2 * p->columns + c];
+            p->result[(3 * node + i) * p->columns + c] += sum;
         }
     }
 }
@@ -301,14 +302,16 @@ static void assemble_node(void *context, size_t node) {
                 for (int p = 0; p < 9; p++) t[p / 3][p % 3] = -t[p / 3][p % 3];
                 add_block(a->h, a->h_stride, node, node, t);
             }
-            if (a->body != NULL && a->mask[vertex] != 0) add_body(a, node, vertex, e, u);
+            if (a->traction != NULL && a->traction->mask[vertex] != 0) {
+                add_traction(a->traction, node, m->x[vertex], e, u);
+            }
         }
     }
     progress_add(1);
 }
 
 void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride, double *g,
-                  size_t g_stride, double *body, const uint8_t *mask, const double origin[3]) {
+                  size_t g_stride, const bem_traction *traction) {
     prepare_rules();
     element *elements = allocate(m->triangles, sizeof *elements);
     for (uint32_t i = 0; i < m->triangles; i++) {
@@ -318,9 +321,11 @@ void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t
         e->area = 0.5 * v_norm(e->normal);
         v_normalize(e->normal);
     }
-    assembly a = {.m = m, .material = material, .elements = elements, .h = h, .g = g, .body = body,
-                  .h_stride = h_stride, .g_stride = g_stride, .mask = mask, .origin = origin};
-    if (body != NULL) memset(body, 0, 9 * (size_t)m->vertices * sizeof *body);
+    assembly a = {.m = m, .material = material, .elements = elements, .h = h, .g = g,
+                  .h_stride = h_stride, .g_stride = g_stride, .traction = traction};
+    if (traction != NULL) {
+        memset(traction->result, 0, 3 * (size_t)m->vertices * traction->columns * sizeof *traction->result);
+    }
     progress_begin("boundary integrals", m->vertices);
     parallel_for(m->vertices, assemble_node, &a);
     progress_end();

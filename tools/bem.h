@@ -20,12 +20,22 @@ typedef struct {
 #define BEM_TOLERANCE 1e-6
 
 /*
- * Fills H and G. `body` (3n x 3, may be NULL): int U t dGamma over the hats of the
- * vertices with mask != 0, for t = (b . (y - origin)) n_y with b = e_x, e_y, e_z: the traction that
- * balances the hydrostatic particular solution of a body force b, element by element.
+ * Known tractions that jump from triangle to triangle: fields that are linear on each triangle, given at
+ * position y on a triangle with unit normal n as t[3][columns]. Hats of vertices with mask == 0 are left out.
  */
+typedef struct {
+    uint32_t columns;
+    void (*at)(const void *context, const double y[3], const double normal[3], double *t);
+    const void *context;
+    const uint8_t *mask;
+    double *result; /* [3n][columns]: int U t dGamma at each collocation point */
+} bem_traction;
+
+#define BEM_MAX_TRACTIONS 16
+
+/* Fills H, G and, unless it is NULL, traction->result. */
 void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride, double *g,
-                  size_t g_stride, double *body, const uint8_t *mask, const double origin[3]);
+                  size_t g_stride, const bem_traction *traction);
 
 /* Nodes and weights of the n-point Gauss-Legendre rule on [0, 1], n <= 32. */
 void gauss_legendre(uint32_t n, double *node, double *weight);

@@ -47,6 +47,14 @@ static void particular_displacement(const bem_material *material, const double y
     }
 }
 
+/* What balances the particular stress -(b . y) I on the surface, for b = e_x, e_y, e_z: t = (b . y) n. */
+static void hydrostatic_traction(const void *context, const double y[3], const double normal[3], double *t) {
+    const double *origin = context;
+    for (size_t i = 0; i < 3; i++) {
+        for (size_t axis = 0; axis < 3; axis++) t[3 * i + axis] = normal[i] * (y[axis] - origin[axis]);
+    }
+}
+
 /* Right-hand sides of gravity: known tractions on F from `body`, known displacements on U. */
 static void gravity_columns(const rbvp *p, const double *body, const double origin[3], double density) {
     size_t n = p->m->vertices;
@@ -141,7 +149,8 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
     double *body = allocate(3 * order, sizeof *body);
     p.h = allocate_aligned(order * order, sizeof *p.h);
     p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
-    bem_assemble(m, material, p.h, order, p.g, p.g_stride, body, loaded, origin);
+    bem_traction traction = {.columns = 3, .at = hydrostatic_traction, .context = origin, .mask = loaded, .result = body};
+    bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
     parallel_for(order, swap_columns, &p);
     gravity_columns(&p, body, origin, density_kg_m3);
     free(body);

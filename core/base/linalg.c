@@ -67,14 +67,18 @@ void palp_chol_forward(const float *r, size_t n, size_t stride, float *b) {
     }
 }
 
-void palp_chol_solve(const float *r, size_t n, size_t stride, float *b) {
-    palp_chol_forward(r, n, stride, b);
+void palp_chol_backward(const float *r, size_t n, size_t stride, float *b) {
     for (size_t j = n; j-- > 0;) {
         const float *row = r + j * stride;
         float sum = b[j];
         for (size_t k = j + 1; k < n; k++) sum -= row[k] * b[k];
         b[j] = sum / row[j];
     }
+}
+
+void palp_chol_solve(const float *r, size_t n, size_t stride, float *b) {
+    palp_chol_forward(r, n, stride, b);
+    palp_chol_backward(r, n, stride, b);
 }
 
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride) {

@@ -34,10 +34,9 @@ void palp_chol_remove(float *r, size_t n, size_t stride, size_t index);
 /* b := C^-1 b. n^2. */
 void palp_chol_solve(const float *r, size_t n, size_t stride, float *b);
 
-/*
- * b := R^-T b (forward half of the solve); the squared norm of the result is b^T C^-1 b. n^2/2.
- */
+/* The two halves of the solve, b := R^-T b and b := R^-1 b; |R^-T b|^2 = b^T C^-1 b. n^2/2 each. */
 void palp_chol_forward(const float *r, size_t n, size_t stride, float *b);
+void palp_chol_backward(const float *r, size_t n, size_t stride, float *b);
 
 /*
  * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below PALP_PIVOT_MIN

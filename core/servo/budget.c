@@ -33,31 +33,35 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits) 
     float row = (float)m->max_row;
     float slots = (float)m->domain_nodes[PALP_FREE];
     float column = (float)(m->max_groups * PALP_LANES);
-    float row_walk = (float)m->levels * (slots / 16.0f + row) + 8.0f * row;
-    float extraction = 11.0f * row + column + 40.0f;
-    float solve = active * active + 3.0f * active;                        /* z = C^-1 d */
-    float violation = candidates * (active + active);                     /* is_active and indentation */
-    float exchange = 2.0f * active * active + 8.0f * active;              /* let in or let out */
-    float refactor = active * active * active / 6.0f + active * active;
-    float stiffness = 1.5f * active * active + 12.0f * active;
-    palp_cost_bound c = {.pivot_operations = solve + violation + exchange};
-    c.operations[PALP_STEP_FIXED] = FRAMES_AND_POSE;
-    c.operations[PALP_STEP_SEARCH] = candidates * (SPHERE + active) +
-                                     candidates * ring * (SPHERE + (float)limits.max_new) +
-                                     candidates * candidates * 3.0f + 8.0f * (most_in_block(blob) + DESCENT * ring);
-    c.operations[PALP_STEP_ADMIT] = row_walk + (2.0f * candidates + 1.0f) * extraction;
-    c.operations[PALP_STEP_SOLVE] = candidates * SPHERE + refactor + stiffness + c.pivot_operations;
-    return c;
+    return (palp_cost_bound){
+        .fixed = FRAMES_AND_POSE,
+        .search = candidates * (SPHERE + active) + candidates * ring * (SPHERE + (float)limits.max_new) +
+                  candidates * candidates * 3.0f + 8.0f * (most_in_block(blob) + DESCENT * ring),
+        .row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row,
+        .extraction = 11.0f * row + column + 40.0f,
+    };
+}
+
+float palp_cost_admit(const palp_cost_bound *bound, uint32_t count) {
+    return bound->row + (2.0f * (float)count + 1.0f) * bound->extraction;
+}
+
+float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots) {
+    float n = (float)active;
+    float once = (float)count * SPHERE + n * n * n / 6.0f + n * n;
+    float step = 2.5f * n * n + 24.0f * n; /* z, with the spring's give */
+    float exchange = 2.0f * n * n + 8.0f * n;
+    float violation = (float)count * 2.0f * n; /* is it active, and its indentation */
+    return once + (float)pivots * (step + exchange + violation);
 }
 
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits) {
-    const float *o = bound->operations;
-    float solve = o[PALP_STEP_SOLVE] + (float)(limits.max_pivots - 1u) * bound->pivot_operations;
-    return o[PALP_STEP_FIXED] + o[PALP_STEP_SEARCH] + (float)limits.max_new * o[PALP_STEP_ADMIT] +
-           (float)PALP_NEWTON_STEPS * solve;
+    float solve = palp_cost_solve(limits.max_candidates, limits.max_active, limits.max_pivots);
+    return bound->fixed + bound->search + (float)PALP_COUPLING_SOLVES * solve +
+           (float)limits.max_new * palp_cost_admit(bound, limits.max_candidates - 1u);
 }
 
-float palp_cost_least(const palp_cost_bound *bound) {
-    const float *o = bound->operations;
-    return o[PALP_STEP_FIXED] + o[PALP_STEP_SEARCH] + (float)PALP_NEWTON_STEPS * o[PALP_STEP_SOLVE];
+float palp_cost_least(const palp_cost_bound *bound, palp_contact_limits limits) {
+    float solve = palp_cost_solve(limits.max_candidates, limits.max_active, 1u);
+    return bound->fixed + bound->search + (float)PALP_COUPLING_SOLVES * solve;
 }

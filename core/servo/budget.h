@@ -20,18 +20,27 @@ typedef struct {
     float margin;           /* share of the period that belongs to the tick, 0..1 */
 } palp_cost_table;
 
-typedef enum { PALP_STEP_FIXED, PALP_STEP_SEARCH, PALP_STEP_ADMIT, PALP_STEP_SOLVE, PALP_STEPS } palp_step;
-
-/* Operations: ADMIT is per node taken in, SOLVE per contact solve of one pivot; see budget.c. */
+/* What the bounds below are made of, in operations; fixed when the simulation is opened. */
 typedef struct {
-    float operations[PALP_STEPS];
-    float pivot_operations; /* each further pivot of a solve */
+    float fixed;      /* frames, kinematics, output chain */
+    float search;     /* candidates and grid, at the limits */
+    float row;        /* one row of W^-1 */
+    float extraction; /* one block of G from a compressed column */
 } palp_cost_bound;
 
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits);
 
+/* Taking one node in while `count` candidates are there: row + (2 count + 1) extraction. */
+float palp_cost_admit(const palp_cost_bound *bound, uint32_t count);
+
+/*
+ * One contact solve with `count` candidates, at most `active` nodes in contact and `pivots` steps:
+ * 60 count + active^3/6 + active^2 + pivots (4.5 active^2 + 32 active + 2 count active).
+ */
+float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots);
+
 /* The whole tick: everything that the limits allow, and the least that still is an answer. */
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits);
-float palp_cost_least(const palp_cost_bound *bound);
+float palp_cost_least(const palp_cost_bound *bound, palp_contact_limits limits);
 
 #endif

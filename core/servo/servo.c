@@ -67,7 +67,7 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob, const pal
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_servo_memsize(blob, config->limits)) return PALP_ERR_MEMORY;
     palp_cost_bound bound = palp_cost_of(blob, config->limits);
-    float least_ns = palp_cost_least(&bound) * config->cost.ns_per_operation;
+    float least_ns = palp_cost_least(&bound, config->limits) * config->cost.ns_per_operation;
     if (bound_ns != NULL) *bound_ns = least_ns;
     if (least_ns > config->cost.margin * NS_PER_S / config->rate_hz) return PALP_ERR_BUDGET;
     palp_servo *s = lay_out(blob, config->limits, &arena, &contact_memory);
@@ -215,28 +215,37 @@ static float elapsed_ns(const palp_servo *s, uint64_t start) {
     return (float)(s->config.port.now_ns(s->config.port.context) - start);
 }
 
+/* Bound of the solves of one tick with `pivots` steps each, for the candidates that are there now. */
+static float solves_ns(const palp_servo *s, uint32_t candidates, uint32_t pivots) {
+    uint32_t reachable = s->contact.active_count + PALP_COUPLING_SOLVES * pivots;
+    uint32_t most = s->config.limits.max_active < candidates ? s->config.limits.max_active : candidates;
+    uint32_t active = reachable < most ? reachable : most;
+    return s->config.cost.ns_per_operation * (float)PALP_COUPLING_SOLVES *
+           palp_cost_solve(candidates, active, pivots);
+}
+
 /*
  * Takes in candidates and chooses the number of pivots so that the bound of what follows fits the time left;
  * the clock is looked at before each node.
  */
 static void prepare_contact(palp_servo *s, uint64_t start, palp_vec3 around, palp_report *r) {
-    const float *operations = s->bound.operations;
     float ns = s->config.cost.ns_per_operation;
     float period_ns = s->config.cost.margin * NS_PER_S * s->dt_s;
-    float least_ns = ns * (float)PALP_NEWTON_STEPS * operations[PALP_STEP_SOLVE];
-    float pivot_ns = ns * (float)PALP_NEWTON_STEPS * s->bound.pivot_operations;
+    uint32_t most = s->config.limits.max_pivots;
     uint32_t fresh = palp_contact_search(&s->contact, around, s->fresh);
     uint32_t i = 0;
     for (; i < fresh; i++) {
-        if (elapsed_ns(s, start) + ns * operations[PALP_STEP_ADMIT] + least_ns > period_ns) break;
+        float admit_ns = ns * palp_cost_admit(&s->bound, s->contact.count);
+        if (elapsed_ns(s, start) + admit_ns + solves_ns(s, s->contact.count + 1u, 1u) > period_ns) break;
         palp_contact_admit(&s->contact, s->fresh[i]);
     }
     r->admitted = i;
     r->deferred = fresh - i;
-    float left_ns = period_ns - elapsed_ns(s, start) - least_ns;
-    float pivots = palp_clamp(left_ns / pivot_ns, 0.0f, (float)(s->config.limits.max_pivots - 1u));
-    s->contact.limits.max_pivots = 1u + (uint32_t)pivots;
-    r->shortened = i < fresh || s->contact.limits.max_pivots < s->config.limits.max_pivots;
+    float left_ns = period_ns - elapsed_ns(s, start);
+    uint32_t pivots = most;
+    while (pivots > 1u && solves_ns(s, s->contact.count, pivots) > left_ns) pivots--;
+    s->contact.limits.max_pivots = pivots;
+    r->shortened = i < fresh || pivots < most;
 }
 
 static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report *r) {
@@ -247,7 +256,7 @@ static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report 
     palp_coupling_result c = palp_coupling_step(&s->coupling, &s->contact, device, s->dt_s);
     r->tool_m = c.tool_m;
     r->stored_J = c.energy_J;
-    r->residual_N = c.residual_N;
+    r->unsettled_m = c.moved_m;
     r->contact_flags = s->contact.flags;
     r->pivots = s->contact.pivots;
     r->candidates = s->contact.count;

@@ -70,7 +70,7 @@ typedef struct {
     float motor_torque_Nm[PALP_AXES];
     float stored_J;   /* contact and coupling, in device units */
     float absorbed_J; /* net energy that the hand has put in since RUN */
-    float residual_N;
+    float unsettled_m; /* last move of the tool in its settling (model) */
     bool shortened;
 } palp_report;
 

@@ -4,7 +4,7 @@
 
 #define MARGIN 0.35f           /* candidates are taken in this far before they touch, over r */
 #define FACING 0.2f            /* least cosine between a new node's normal and the contact axis */
-#define PENETRATION_MIN 1e-6f  /* violation that lets a node in, over r */
+#define PENETRATION_MIN 2e-5f  /* violation that lets a node in, over r */
 #define REFACTOR_AFTER 64u     /* changes of the factor before it is made afresh */
 #define DESCENT_STEPS 32u      /* moves of the nearest node per search */
 
@@ -18,7 +18,7 @@ static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, 
     c->active = palp_take(arena, l.max_active, sizeof(uint32_t));
     c->target = palp_take(arena, l.max_active + 1u, sizeof(float));
     c->work = palp_take(arena, l.max_active + 1u, sizeof(float));
-    c->jacobian = palp_take(arena, l.max_active + 1u, sizeof(float));
+    for (uint32_t k = 0; k < 3; k++) c->jacobian[k] = palp_take(arena, l.max_active, sizeof(float));
     c->place = palp_take(arena, b->meta->nodes, sizeof(uint16_t));
     c->scratch.weight = palp_take(arena, slots, sizeof(float));
     c->scratch.mark = palp_take(arena, (slots + 31u) / 32u, sizeof(uint32_t));
@@ -175,13 +175,31 @@ static bool is_active(const palp_contact *c, uint32_t candidate) {
     return false;
 }
 
+static float compliance(const palp_contact *c, uint32_t i, uint32_t j) {
+    return c->compliance[(size_t)i * c->limits.max_candidates + j];
+}
+
+/* g lambda at candidate i */
+static float indentation(const palp_contact *c, uint32_t i) {
+    float sum = 0.0f;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        sum += compliance(c, i, c->active[a]) * c->candidate[c->active[a]].force_N;
+    }
+    return sum;
+}
+
+/* How far the tool would have to press node i down, were there no node i. */
+static float violation(const palp_contact *c, uint32_t i) { return c->candidate[i].at.depth_m - indentation(c, i); }
+
 static void drop_idle(palp_contact *c, palp_vec3 center) {
     for (uint32_t i = c->count; i-- > 0u;) {
         palp_candidate *k = &c->candidate[i];
         k->at = palp_sphere_at(c->radius_m, center, k->x, k->n);
         bool near = k->at.depth_m > -2.0f * c->margin_m &&
                     k->at.offset_m < 1.25f * PALP_SPHERE_REACH * c->radius_m;
-        if (!near && !is_active(c, i)) drop(c, i);
+        if (is_active(c, i)) continue;
+        if (k->relief_m > 0.0f) k->relief_m = palp_clamp(violation(c, i), 0.0f, k->relief_m);
+        if (!near) drop(c, i);
     }
 }
 
@@ -190,6 +208,7 @@ uint32_t palp_contact_search(palp_contact *contact, palp_vec3 center, uint32_t *
     uint32_t found = 0;
     contact->flags = 0;
     contact->pivots = 0;
+    contact->center = center;
     drop_idle(contact, center);
     if (contact->active_count == 0u) {
         find_nearest(contact, center);
@@ -238,22 +257,11 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
         c->compliance[k * stride + i] = g;
     }
     c->count++;
+    c->candidate[i].at = palp_sphere_at(c->radius_m, c->center, c->candidate[i].x, c->candidate[i].n);
+    c->candidate[i].relief_m = palp_max(violation(c, i), 0.0f);
 }
 
 /* ---- active set ---- */
-
-static float compliance(const palp_contact *c, uint32_t i, uint32_t j) {
-    return c->compliance[(size_t)i * c->limits.max_candidates + j];
-}
-
-/* g lambda at candidate i */
-static float indentation(const palp_contact *c, uint32_t i) {
-    float sum = 0.0f;
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        sum += compliance(c, i, c->active[a]) * c->candidate[c->active[a]].force_N;
-    }
-    return sum;
-}
 
 static void let_out(palp_contact *c, uint32_t a) {
     palp_chol_remove(c->factor, c->active_count, c->limits.max_active, a);
@@ -287,17 +295,54 @@ static void refactor(palp_contact *c) {
     c->changes = 0;
 }
 
+static palp_vec3 force_on_tool(const palp_contact *c) {
+    palp_vec3 force = {0};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_candidate *k = &c->candidate[c->active[a]];
+        force = palp_madd(force, k->force_N, k->at.push);
+    }
+    return force;
+}
+
+/* t -= Y (k I + Y^T Y)^-1 Y^T t with Y = R^-T J: what the spring's give takes from the forward solution t. */
+static void give_way(palp_contact *c, float *t, float stiffness_N_per_m) {
+    uint32_t n = c->active_count;
+    float m[9], s[3];
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        for (uint32_t a = 0; a < n; a++) {
+            palp_vec3 push = c->candidate[c->active[a]].at.push;
+            c->jacobian[axis][a] = axis == 0u ? push.x : axis == 1u ? push.y : push.z;
+        }
+        palp_chol_forward(c->factor, n, c->limits.max_active, c->jacobian[axis]);
+    }
+    for (uint32_t i = 0; i < 3; i++) {
+        s[i] = 0.0f;
+        for (uint32_t a = 0; a < n; a++) s[i] += c->jacobian[i][a] * t[a];
+        for (uint32_t k = 0; k < 3; k++) {
+            m[3u * i + k] = i == k ? stiffness_N_per_m : 0.0f;
+            for (uint32_t a = 0; a < n; a++) m[3u * i + k] += c->jacobian[i][a] * c->jacobian[k][a];
+        }
+    }
+    if (palp_chol_factor(m, 3, 3) != PALP_OK) return;
+    palp_chol_solve(m, 3, 3, s);
+    for (uint32_t a = 0; a < n; a++) {
+        t[a] -= c->jacobian[0][a] * s[0] + c->jacobian[1][a] * s[1] + c->jacobian[2][a] * s[2];
+    }
+}
+
 /*
  * One step towards the solution on the active set. Either all of it is reached (true), or forces move until
  * the first one vanishes and that node is let out.
  */
-static bool step_or_let_out(palp_contact *c) {
+static bool step_or_let_out(palp_contact *c, float stiffness_N_per_m) {
     uint32_t n = c->active_count;
     float *z = c->target;
     float reach = 1.0f;
     uint32_t first = n;
-    for (uint32_t a = 0; a < n; a++) z[a] = c->candidate[c->active[a]].at.depth_m;
-    palp_chol_solve(c->factor, n, c->limits.max_active, z);
+    for (uint32_t a = 0; a < n; a++) z[a] = c->candidate[c->active[a]].target_m;
+    palp_chol_forward(c->factor, n, c->limits.max_active, z);
+    if (stiffness_N_per_m > 0.0f) give_way(c, z, stiffness_N_per_m);
+    palp_chol_backward(c->factor, n, c->limits.max_active, z);
     for (uint32_t a = 0; a < n; a++) {
         float old = c->candidate[c->active[a]].force_N;
         if (z[a] > 0.0f) continue;
@@ -316,35 +361,58 @@ static bool step_or_let_out(palp_contact *c) {
 }
 
 /* The idle candidate that the tool violates most, or `count` if none is violated. */
-static uint32_t most_violated(const palp_contact *c) {
+static uint32_t most_violated(const palp_contact *c, float stiffness_N_per_m) {
     float worst = PENETRATION_MIN * c->radius_m;
     uint32_t best = c->count;
+    palp_vec3 moved = {0};
+    if (stiffness_N_per_m > 0.0f) moved = palp_scale(1.0f / stiffness_N_per_m, force_on_tool(c));
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
-        if (k->at.depth_m <= worst || k->blocked == c->solves || is_active(c, i)) continue;
-        float violation = k->at.depth_m - indentation(c, i);
-        if (violation <= worst) continue;
-        worst = violation;
+        float wanted = k->target_m - palp_dot(k->at.push, moved);
+        if (wanted <= worst || k->blocked == c->solves || is_active(c, i)) continue;
+        float missing = wanted - indentation(c, i);
+        if (missing <= worst) continue;
+        worst = missing;
         best = i;
     }
     return best;
 }
 
-palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 center) {
+/* Without room for them, violated nodes are relieved, so that room found later cannot push the tool. */
+static void relieve_idle(palp_contact *c) {
+    for (uint32_t i = 0; i < c->count; i++) {
+        if (!is_active(c, i)) c->candidate[i].relief_m = palp_max(violation(c, i), c->candidate[i].relief_m);
+    }
+}
+
+static void find_axis(palp_contact *c) {
+    palp_vec3 axis = {0};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_candidate *k = &c->candidate[c->active[a]];
+        axis = palp_madd(axis, k->force_N, k->n);
+    }
+    float length = palp_norm(axis);
+    if (length > 0.0f) c->axis = palp_scale(1.0f / length, axis);
+}
+
+palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip) {
     palp_contact *c = contact;
-    palp_vec3 force = {0};
+    palp_vec3 off = palp_sub(grip.held_m, about);
     c->solves++;
     refactor(c);
     for (uint32_t i = 0; i < c->count; i++) {
-        c->candidate[i].at = palp_sphere_at(c->radius_m, center, c->candidate[i].x, c->candidate[i].n);
+        palp_candidate *k = &c->candidate[i];
+        k->at = palp_sphere_at(c->radius_m, about, k->x, k->n);
+        k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off);
     }
     uint32_t pivots = 0;
     for (; pivots < c->limits.max_pivots; pivots++) {
-        if (!step_or_let_out(c)) continue;
-        uint32_t next = most_violated(c);
+        if (!step_or_let_out(c, grip.stiffness_N_per_m)) continue;
+        uint32_t next = most_violated(c, grip.stiffness_N_per_m);
         if (next == c->count) break;
         if (c->active_count == c->limits.max_active) {
             c->flags |= PALP_CONTACT_ACTIVE_FULL;
+            relieve_idle(c);
             break;
         }
         if (!let_in(c, next)) {
@@ -354,35 +422,8 @@ palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 center) {
     }
     if (pivots == c->limits.max_pivots) c->flags |= PALP_CONTACT_PIVOTS_SPENT;
     c->pivots += pivots;
-    palp_vec3 axis = {0};
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        const palp_candidate *k = &c->candidate[c->active[a]];
-        force = palp_madd(force, k->force_N, k->at.push);
-        axis = palp_madd(axis, k->force_N, k->n);
-    }
-    float length = palp_norm(axis);
-    if (length > 0.0f) c->axis = palp_scale(1.0f / length, axis);
-    return force;
-}
-
-void palp_contact_stiffness(palp_contact *contact, float h[9]) {
-    palp_contact *c = contact;
-    uint32_t n = c->active_count;
-    float *column[3] = {c->target, c->work, c->jacobian};
-    for (uint32_t axis = 0; axis < 3; axis++) {
-        for (uint32_t a = 0; a < n; a++) {
-            palp_vec3 push = c->candidate[c->active[a]].at.push;
-            column[axis][a] = axis == 0u ? push.x : axis == 1u ? push.y : push.z;
-        }
-        palp_chol_forward(c->factor, n, c->limits.max_active, column[axis]);
-    }
-    for (uint32_t i = 0; i < 3; i++) {
-        for (uint32_t k = 0; k < 3; k++) {
-            float sum = 0.0f;
-            for (uint32_t a = 0; a < n; a++) sum += column[i][a] * column[k][a];
-            h[3u * i + k] = sum;
-        }
-    }
+    find_axis(c);
+    return force_on_tool(c);
 }
 
 float palp_contact_energy(const palp_contact *contact) {

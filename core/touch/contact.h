@@ -14,6 +14,11 @@
  * by a primal active set on the Cholesky factor: each step either finishes, lets one node in or lets one out,
  * and never leaves lambda >= 0 or raises the energy. It starts from the last tick's set and stops after
  * `max_pivots` steps with the best forces so far, flagged.
+ *
+ * A node that is found already under the tool (it came late, belongs to the far side of a thin part, or
+ * found no room) is relieved of that depth: it feels only what the tool adds, and the relief shrinks
+ * as the tool backs out. So nothing that the search or a capacity does can push the tool, and a closed path
+ * never gains energy.
  */
 #ifndef PALP_TOUCH_CONTACT_H
 #define PALP_TOUCH_CONTACT_H
@@ -42,6 +47,8 @@ typedef struct {
     uint32_t node;
     palp_vec3 x, n;         /* where it is without contact, and its normal */
     palp_sphere_contact at; /* the tool as it sees it now */
+    float relief_m;         /* depth that it does not feel */
+    float target_m;         /* indentation that it asks for with no force on the tool */
     float force_N;          /* lambda, along -n on the body */
     uint32_t blocked;       /* solve in which its pivot vanished */
 } palp_candidate;
@@ -56,13 +63,15 @@ typedef struct {
     float *compliance;               /* [max_candidates][max_candidates] g */
     float *factor;                   /* [max_active][max_active] R, C = R^T R */
     uint32_t *active;                /* [max_active] candidate of each row of R */
-    float *target, *work, *jacobian; /* [max_active + 1] */
+    float *target, *work;            /* [max_active + 1] */
+    float *jacobian[3];              /* [max_active] R^-T J, one column each */
     uint16_t *place;                 /* [nodes] candidate number + 1, 0 if none */
     palp_row_scratch scratch;
     uint32_t count, active_count, nearest, solves, changes;
     uint32_t flags;   /* of the last tick */
     uint32_t pivots;  /* of the last tick */
     palp_vec3 axis;   /* outward direction of the contact */
+    palp_vec3 center; /* of the last search */
 } palp_contact;
 
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
@@ -92,16 +101,25 @@ uint32_t palp_contact_search(palp_contact *contact, palp_vec3 center, uint32_t *
 void palp_contact_admit(palp_contact *contact, uint32_t node);
 
 /*
- * Solves for a tool at `center`. Returns the force on the tool (N). Cost per pivot: one solve with R and
- * count * active multiply-adds; at most max_pivots of them.
+ * A tool that hangs on a spring: it sits at c = held_m + F / stiffness with F the force on it. Stiffness 0
+ * stands for a rigid grip, c = held_m.
  */
-palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 center);
+typedef struct {
+    palp_vec3 held_m;
+    float stiffness_N_per_m;
+} palp_grip;
 
 /*
- * Tangent stiffness of the force to a move of the tool with the active set held, H = J^T C^-1 J (N/m,
- * symmetric, row-major 3 x 3). Cost: three forward solves.
+ * Solves with the depths linearised about a tool at `about`:
+ *
+ *     d(c) = d(about) - J (c - about),   J = rows `push`,   F = J^T lambda
+ *     (g + J J^T / k) lambda - (d(about) - J (held - about)) >= 0,  complementary to lambda >= 0
+ *
+ * The factor is that of g alone, whatever the pose; the spring enters by Woodbury's identity with a 3 x 3
+ * system. Returns F (N). Cost per pivot: 3 active^2 for the solve, active^2 for the exchange, count *
+ * active for the violations; at most max_pivots of them.
  */
-void palp_contact_stiffness(palp_contact *contact, float h[9]);
+palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip);
 
 /* Elastic energy of the contact, lambda^T g lambda / 2 (J). active^2 multiply-adds. */
 float palp_contact_energy(const palp_contact *contact);

@@ -1,0 +1,67 @@
+# Palp: see README.md. `make help` lists the targets.
+.DEFAULT_GOAL := all
+BUILD ?= build
+PREFIX ?= /usr/local
+CROSS ?=
+CC := $(if $(CROSS),$(CROSS)gcc,$(if $(filter default,$(origin CC)),gcc,$(CC)))
+AR := $(CROSS)ar
+
+WARN := -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloat-equal \
+        -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla -Werror
+SHARED := -std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -I. $(WARN)
+CORE_FLAGS := $(SHARED) -ffreestanding
+HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
+DEPS = -MMD -MP
+
+CORE := $(sort $(wildcard core/*/*.c))
+TOOLS := $(sort $(wildcard tools/*.c))
+TOOLS_LIB := $(filter-out tools/main.c,$(TOOLS))
+SIM_LIB := $(filter-out sim/palp_sim.c,$(sort $(wildcard sim/*.c)))
+PORT_LIB := $(filter-out port/linux/palpd.c,$(sort $(wildcard port/linux/*.c)))
+obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
+HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o
+LIB := $(BUILD)/libpalp.a
+
+.PHONY: all demo test check bench deps install clean help format size
+all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
+
+$(BUILD)/core/%.o: core/%.c
+	@mkdir -p $(@D)
+	@echo '  CC $<'
+	@$(CC) $(CORE_FLAGS) $(DEPS) -c $< -o $@
+$(BUILD)/%.o: %.c
+	@mkdir -p $(@D)
+	@echo '  CC $<'
+	@$(CC) $(HOST_FLAGS) $(DEPS) -c $< -o $@
+$(LIB): $(call obj,$(CORE))
+	@rm -f $@
+	@echo '  AR $@'
+	@$(AR) rcsD $@ $^
+$(BUILD)/devices.c: $(sort $(wildcard sim/devices/*.dev)) sim/embed.sh
+	@mkdir -p $(@D)
+	@sh sim/embed.sh $(filter %.dev,$^) > $@
+$(BUILD)/devices.o: $(BUILD)/devices.c
+	@$(CC) $(HOST_FLAGS) -c $< -o $@
+
+$(BUILD)/palp: $(BUILD)/tools/main.o $(call obj,$(TOOLS_LIB)) $(LIB)
+	@echo '  LD $@'
+	@$(CC) -pthread $^ -lm -o $@
+$(BUILD)/palpd: $(BUILD)/port/linux/palpd.o $(HOST_OBJ) $(LIB)
+	@echo '  LD $@'
+	@$(CC) -pthread $^ -lm -o $@
+$(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(HOST_OBJ) $(LIB)
+	@echo '  LD $@'
+	@$(CC) -pthread $^ -lm -o $@
+
+-include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
+
+# ---- demo ----
+
+DEMO := $(BUILD)/demo
+demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/report.html
+	@mkdir -p $(DEMO)
+	$(BUILD)/palp bake blobs/rabbit.model -o $(DEMO)/rabbit.palp
+	$(BUILD)/palpd $(DEMO)/rabbit.palp --bus loop --device arm3 --seconds 10 --report $(DEMO)/report.html \
+	    --view $(DEMO)/view.svg
+	@echo "The same bake took nine hours on eight processors in 2002 (Table II of the paper)."
+	@echo "Look at $(DEMO)/report.html"

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT */
+#include "hand.h"
+#include "tools/util.h"
+#include <stdlib.h>
+#include <string.h>
+
+/* z = 0 is where the tool just touches; +z points away from the body. */
+static const char touch_script[] =
+    "0.0  0      0      0.020\n"
+    "0.8  0      0      0.003\n"
+    "1.3  0      0     -0.006\n" /* press */
+    "1.8  0      0     -0.006\n"
+    "2.2  0      0      0.004\n" /* let go */
+    "2.6  0      0     -0.009\n" /* press harder */
+    "3.2  0      0     -0.005\n"
+    "4.0  0.008  0     -0.005\n" /* slide around a square */
+    "4.8  0.008  0.008 -0.005\n"
+    "5.6 -0.008  0.008 -0.005\n"
+    "6.4 -0.008 -0.008 -0.005\n"
+    "7.2  0      0     -0.005\n"
+    "8.0  0      0     -0.013\n" /* deep */
+    "8.6  0      0     -0.013\n"
+    "9.4  0      0      0.010\n"
+    "10   0      0      0.010\n";
+
+static void add_key(hand *h, size_t *capacity, const char *name, size_t line, const char *text) {
+    hand_key k;
+    char rest;
+    int n = sscanf(text, "%lf %lf %lf %lf %c", &k.time_s, &k.x_m[0], &k.x_m[1], &k.x_m[2], &rest);
+    if (n != 4) die(EXIT_USAGE, "%s:%zu: need the four numbers t x y z", name, line);
+    if (h->count > 0 && !(k.time_s > h->key[h->count - 1].time_s)) {
+        die(EXIT_USAGE, "%s:%zu: time %g does not grow", name, line, k.time_s);
+    }
+    for (int i = 0; i < 3; i++) {
+        if (!(k.x_m[i] > -1 && k.x_m[i] < 1)) die(EXIT_USAGE, "%s:%zu: %g m is out of any device's reach", name, line, k.x_m[i]);
+    }
+    h->key = grow(h->key, capacity, h->count + 1u, sizeof *h->key);
+    h->key[h->count++] = k;
+}
+
+hand hand_load(const char *name_or_path) {
+    hand h = {.stiffness_N_per_m = 400, .damping_Ns_per_m = 6};
+    size_t bytes, capacity = 0, line = 0;
+    bool built_in = strcmp(name_or_path, "touch") == 0;
+    char *text = built_in ? copy_string(touch_script) : read_file(name_or_path, &bytes);
+    for (char *p = text; p != NULL;) {
+        char *next = strchr(p, '\n');
+        if (next != NULL) *next++ = '\0';
+        line++;
+        p[strcspn(p, "#\r")] = '\0';
+        if (p[strspn(p, " \t")] != '\0') add_key(&h, &capacity, name_or_path, line, p);
+        p = next;
+    }
+    if (h.count == 0) die(EXIT_USAGE, "%s: no keys in the hand script", name_or_path);
+    free(text);
+    return h;
+}
+
+void hand_target(const hand *h, double time_s, double x_m[3]) {
+    uint32_t i = 0;
+    while (i + 1 < h->count && h->key[i + 1].time_s <= time_s) i++;
+    const hand_key *a = &h->key[i];
+    memcpy(x_m, a->x_m, sizeof a->x_m);
+    if (i + 1 == h->count || time_s <= a->time_s) return;
+    const hand_key *b = &h->key[i + 1];
+    double s = (time_s - a->time_s) / (b->time_s - a->time_s);
+    double blend = s * s * s * (10 + s * (6 * s - 15));
+    for (int k = 0; k < 3; k++) x_m[k] += blend * (b->x_m[k] - a->x_m[k]);
+}

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT */
+/* The simulated hand: a spring and damper that pull the device along a script. */
+#ifndef PALP_SIM_HAND_H
+#define PALP_SIM_HAND_H
+
+#include <stdint.h>
+
+typedef struct {
+    double time_s, x_m[3];
+} hand_key;
+
+/* Keys in device coordinates; between two keys the target moves with minimum jerk. */
+typedef struct {
+    hand_key *key;
+    uint32_t count;
+    double stiffness_N_per_m, damping_Ns_per_m;
+} hand;
+
+/*
+ * Reads `name_or_path`: "touch" (the built-in script: approach, press, slide, press deep, let go, over ten
+ * seconds) or a file of lines `t x y z`. Exits 2 with the line named when it is wrong.
+ */
+hand hand_load(const char *name_or_path);
+
+/* Where the hand wants the tip at `time_s`; before the first and after the last key it holds still. */
+void hand_target(const hand *h, double time_s, double x_m[3]);
+
+#endif

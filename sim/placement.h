@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: MIT */
+/* Brings a body of any size and pose under the tool of a device. */
+#ifndef PALP_SIM_PLACEMENT_H
+#define PALP_SIM_PLACEMENT_H
+
+#include "core/servo/servo.h"
+
+typedef struct {
+    palp_placement placement;
+    float tool_radius_m; /* in the model: the device's, but never finer than the mesh can resolve */
+    uint32_t node;       /* the node that lies under the workspace centre */
+} touch_frame;
+
+/*
+ * Puts the surface at `node` (UINT32_MAX: the highest flat place away from the fixed nodes) just below the
+ * tool at the workspace centre, its normal along +z. Bodies between a third of and twice the workspace in
+ * size keep their size; others are scaled to it.
+ */
+touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node);
+
+#endif

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT */
+/* What a run was like: a summary in text, and one self-contained HTML page. */
+#ifndef PALP_SIM_REPORT_H
+#define PALP_SIM_REPORT_H
+
+#include "core/servo/servo.h"
+#include <stdio.h>
+
+typedef struct {
+    palp_report *tick;   /* one per tick */
+    float *late_us;      /* wake-up lateness of each tick; NULL when the run was not paced */
+    size_t count;
+    palp_counters counters;
+    uint64_t frames_sent, frames_lost; /* refused by the bus */
+    double rate_hz;
+    /* The instant of the largest force, for the picture. */
+    float *displacement_m; /* [nodes][3] */
+    float tool_m[3], tool_radius_m;
+    const char *blob_name, *device_name, *bus_name;
+    const palp_blob *blob;
+} run_record;
+
+void report_text(FILE *f, const run_record *r);
+void report_html(FILE *f, const run_record *r);
+
+/* Smallest of absorbed - 0 over the run: how close the hand came to being given energy (J, device units). */
+float smallest_energy_margin(const run_record *r);
+
+#endif
