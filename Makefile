@@ -65,3 +65,11 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 	    --view $(DEMO)/view.svg
 	@echo "The same bake took nine hours on eight processors in 2002 (Table II of the paper)."
 	@echo "Look at $(DEMO)/report.html"
+
+# ---- tests ----
+
+UNIT := $(sort $(wildcard tests/unit/*.c))
+UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
+$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
+	@mkdir -p $(@D)
+	@$(CC) -pthread $^ -lm -o $@

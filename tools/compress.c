@@ -163,7 +163,7 @@ static uint16_t to_half(float x) {
     uint16_t sign = signbit(x) != 0 ? 0x8000u : 0u;
     int exponent;
     (void)frexp(scaled, &exponent);
-    if (exponent < -13) exponent = -13;
+    if (exponent < -13 || !(scaled > 0)) exponent = -13;
     double mantissa = nearbyint(ldexp(scaled, 11 - exponent)); /* 1024..2048, or less when subnormal */
     uint32_t bits = (uint32_t)((exponent + 13) << 10) + (uint32_t)mantissa;
     return (uint16_t)(sign | bits);

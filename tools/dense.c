@@ -192,17 +192,23 @@ static void swap_rows(double *a, size_t stride, size_t n, size_t i, size_t k) {
     }
 }
 
+/* Brings the pivot of column j to its place, or without `perm` only looks at it; false when it is unusable. */
+static bool place_pivot(double *a, size_t n, size_t stride, uint32_t *perm, size_t j) {
+    if (perm == NULL) return a[j * stride + j] > 0;
+    size_t best = j;
+    for (size_t i = j + 1; i < n; i++) {
+        if (fabs(a[i * stride + j]) > fabs(a[best * stride + j])) best = i;
+    }
+    perm[j] = (uint32_t)best;
+    swap_rows(a, stride, n, j, best);
+    return fabs(a[j * stride + j]) > 0;
+}
+
 /* Factors columns [first, last) below row `first`; whole rows are swapped at once. */
 static size_t factor_leaf(double *a, size_t n, size_t stride, uint32_t *perm, size_t first, size_t last) {
     for (size_t j = first; j < last; j++) {
-        size_t best = j;
-        for (size_t i = j + 1; perm != NULL && i < n; i++) {
-            if (fabs(a[i * stride + j]) > fabs(a[best * stride + j])) best = i;
-        }
-        if (perm != NULL) perm[j] = (uint32_t)best;
-        swap_rows(a, stride, n, j, best);
+        if (!place_pivot(a, n, stride, perm, j)) return j;
         double pivot = a[j * stride + j];
-        if (perm != NULL ? !(fabs(pivot) > 0) : !(pivot > 0)) return j;
         for (size_t i = j + 1; i < n; i++) {
             double factor = a[i * stride + j] /= pivot;
             for (size_t k = j + 1; k < last; k++) a[i * stride + k] -= factor * a[j * stride + k];
@@ -229,6 +235,10 @@ static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm,
 
 size_t dense_lu(double *a, size_t n, size_t stride, uint32_t *perm) {
     return factor_columns(a, n, stride, perm, 0, n);
+}
+
+size_t dense_lu_unpivoted(double *a, size_t n, size_t stride) {
+    return factor_columns(a, n, stride, NULL, 0, n);
 }
 
 void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *perm, double *b,

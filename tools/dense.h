@@ -17,11 +17,16 @@ void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t 
                             size_t b_stride, size_t m, size_t n, size_t k);
 
 /*
- * P A = L U in place (recursive, partial pivoting); perm[j] is the row swapped with row j. With perm NULL no
- * rows are swapped, and the factorisation of a symmetric matrix succeeds exactly when it is positive
- * definite. Returns n, or the index of the first pivot that is zero (not positive without pivoting).
+ * P A = L U in place (recursive, partial pivoting); perm[j] is the row swapped with row j. Returns n, or the
+ * index of the first pivot that is zero.
  */
 size_t dense_lu(double *a, size_t n, size_t stride, uint32_t *perm);
+
+/*
+ * L U in place without row exchanges, which for a symmetric matrix meets only positive pivots exactly when it
+ * is positive definite. Returns n, or the index of the first pivot that is not positive.
+ */
+size_t dense_lu_unpivoted(double *a, size_t n, size_t stride);
 
 /* B (n x m) := A^-1 B from the factors. */
 void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *perm, double *b,

@@ -269,30 +269,37 @@ static void average_pair(const greens *g, size_t i, size_t j) {
     }
 }
 
-/* LU without row exchanges of the free-free block meets only positive pivots exactly when it is SPD. */
-static void require_definite(const greens *g) {
+/* Copies the free-free block out of g, or back into it. */
+static void copy_free_block(const greens *g, const uint32_t *node, size_t order, double *a, bool back) {
+    for (size_t i = 0; i < 3 * order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            double *in_g = greens_row(g, node[i / 3], i % 3) + 3 * node[j];
+            double *in_a = a + i * 3 * order + 3 * j;
+            memcpy(back ? in_g : in_a, back ? in_a : in_g, 3 * sizeof *a);
+        }
+    }
+}
+
+static void enforce_definiteness(greens *g) {
     size_t order = 0;
     uint32_t *node = allocate(g->nodes, sizeof *node);
     for (uint32_t i = 0; i < g->nodes; i++) {
         if (g->fixed[i] == 0) node[order++] = i;
     }
     double *a = allocate_aligned(9 * order * order, sizeof *a);
-    for (size_t i = 0; i < order; i++) {
-        for (size_t k = 0; k < 3; k++) {
-            double *row = a + (3 * i + k) * 3 * order;
-            for (size_t j = 0; j < order; j++) {
-                memcpy(row + 3 * j, greens_row(g, node[i], k) + 3 * node[j], 3 * sizeof *row);
-            }
-        }
-    }
-    progress_begin("definiteness", 9.0 * (double)(order * order) * (double)order);
-    size_t bad = dense_lu(a, 3 * order, 3 * order, NULL);
-    progress_end();
-    if (bad < 3 * order) {
+    copy_free_block(g, node, order, a, false);
+    g->definite = make_definite(a, 3 * order, 3 * order);
+    if (!g->definite.definite || g->definite.change > GREENS_CHANGE_MAX) {
         die(EXIT_WORK,
-            "the symmetrised compliance is not positive definite at node %" PRIu32
+            "the symmetrised compliance is not positive definite, worst near node %" PRIu32
             " (0-based): refine or repair the mesh there",
-            node[bad / 3]);
+            node[g->definite.worst / 3]);
+    }
+    if (g->definite.raised > 0) {
+        warn("%" PRIu32 " mode(s) of the compliance near node %" PRIu32
+             " were raised to keep it positive definite (a change of %.2g %%): the mesh is coarse for a thin part there",
+             g->definite.raised, node[g->definite.worst / 3], 100 * g->definite.change);
+        copy_free_block(g, node, order, a, true);
     }
     free(a);
     free(node);
@@ -306,5 +313,5 @@ void greens_reciprocity(greens *g, bool enforce) {
             if (both_free(g, i, j) || g->reactions) average_pair(g, i, j);
         }
     }
-    require_definite(g);
+    enforce_definiteness(g);
 }

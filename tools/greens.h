@@ -7,6 +7,7 @@
 #define PALP_TOOLS_GREENS_H
 
 #include "bem.h"
+#include "definite.h"
 
 /*
  * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the response
@@ -20,6 +21,7 @@ typedef struct {
     const uint8_t *fixed;
     bool gravity, reactions; /* what the matrix holds beyond the free-free block */
     double reciprocity_residual, equilibrium_residual;
+    definite_report definite;
 } greens;
 
 /* Solves the RBVP for every column. Exits when the system is singular. Cost: 8/3 (3n)^3 flops. */
@@ -31,9 +33,10 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed);
 
 /*
  * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part (free-free
- * and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and exits unless the free-free block is
- * positive definite.
+ * and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and makes the free-free block positive
+ * definite (definite.h); exits when that would change it by more than GREENS_CHANGE_MAX.
  */
+#define GREENS_CHANGE_MAX 0.01
 void greens_reciprocity(greens *g, bool enforce);
 
 static inline double *greens_row(const greens *g, size_t node, size_t axis) {

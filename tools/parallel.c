@@ -70,7 +70,7 @@ void progress_add(double amount) {
     progress.done += amount;
     double fraction = progress.done / progress.total;
     double t = now_s();
-    double left = (t - progress.start) * (1 / fraction - 1);
+    double left = fraction < 1 ? (t - progress.start) * (1 / fraction - 1) : 0;
     if (!progress.quiet && isatty(2)) {
         if (t - progress.shown > 0.1) {
             fprintf(stderr, "\r%-28s %3.0f %%  %.0f s left  ", progress.stage, 100 * fraction, left);
@@ -86,7 +86,7 @@ void progress_add(double amount) {
 void progress_end(void) {
     pthread_mutex_lock(&progress.lock);
     double seconds = now_s() - progress.start;
-    if (!progress.quiet) {
+    if (!progress.quiet && seconds >= 0.1) {
         fprintf(stderr, "%s%-28s %.1f s\n", isatty(2) ? "\r" : "", progress.stage, seconds);
     }
     pthread_mutex_unlock(&progress.lock);

@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 #include "columns.h"
 
-/* Value of an IEEE half; the blob holds no infinities and no NaN. */
+/*
+ * Value of an IEEE half; the blob holds no infinities and no NaN. Subnormal halves go through an integer, since a
+ * controller may run with subnormal floats switched off.
+ */
 static float half_to_float(uint16_t half) {
     union {
         uint32_t u;
         float f;
-    } bits = {.u = (uint32_t)(half & 0x7fffu) << 13};
-    union {
-        uint32_t u;
-        float f;
-    } rebias = {.u = (254u - 15u) << 23};
-    float magnitude = bits.f * rebias.f; /* exact, subnormal halves included */
+    } normal = {.u = ((uint32_t)(half & 0x7fffu) << 13) + ((127u - 15u) << 23)};
+    bool subnormal = (half & 0x7c00u) == 0u;
+    float magnitude = subnormal ? (float)(half & 0x03ffu) * 5.9604645e-8f : normal.f;
     return (half & 0x8000u) != 0u ? -magnitude : magnitude;
 }
 

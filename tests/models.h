@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT */
+/* Meshes and blobs that tests make for themselves, in memory. */
+#ifndef PALP_TESTS_MODELS_H
+#define PALP_TESTS_MODELS_H
+
+#include "core/palp.h"
+#include "tools/blobwrite.h"
+
+/* Unit sphere: an icosahedron split `levels` times, vertices coarse to fine. */
+mesh model_sphere(uint32_t levels);
+/* Box of edge `size`, `n` x `n` squares per face, each cut in two. */
+mesh model_box(double size, uint32_t n);
+
+typedef struct {
+    mesh m;
+    uint8_t *fixed;
+    double *area;
+    double (*normal)[3];
+    bem_material material;
+    greens g; /* as baked: raw or enforced */
+    palp_blob blob;
+    uint8_t *bytes;
+    size_t size;
+} baked;
+
+/* Fixes the vertices with z at most `below` and bakes in memory. */
+baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
+
+#endif
