@@ -73,3 +73,13 @@ UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
 $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ -lm -o $@
+
+CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/freestanding.sh
+test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
+	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
+
+$(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
+	@$(CC) -pthread $^ -lm -o $@
+bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
+	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
+	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json

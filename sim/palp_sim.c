@@ -51,12 +51,12 @@ int main(int argc, char **argv) {
     hand_target(&script, 0, target);
     sim_device_init(&device, &file, target);
     uint64_t period = (uint64_t)(1e9 / s.rate_hz), next = monotonic_ns(NULL), sent = 0, lost = 0, received = 0;
-    bool error = false;
+    can_health health = {0};
     for (double time_s = 0; time_s < s.seconds; time_s += 1 / s.rate_hz) {
         palp_can_frame frames[64];
         next += period;
         (void)sleep_until(next);
-        uint32_t n = can_receive(fd, frames, 64, &error);
+        uint32_t n = can_receive(fd, frames, 64, &health);
         for (uint32_t i = 0; i < n; i++) sim_device_receive(&device, &frames[i]);
         received += n;
         hand_target(&script, time_s, target);
@@ -68,5 +68,6 @@ int main(int argc, char **argv) {
         }
     }
     printf("palp-sim: %" PRIu64 " frames sent, %" PRIu64 " lost, %" PRIu64 " received\n", sent, lost, received);
-    return error ? EXIT_WORK : EXIT_SUCCESS;
+    if (health.failed) warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
+    return health.failed ? EXIT_WORK : EXIT_SUCCESS;
 }

@@ -50,9 +50,22 @@ float smallest_energy_margin(const run_record *r) {
     return smallest;
 }
 
-static const char *state_name(palp_state s) {
+const char *report_state(palp_state state) {
     static const char *const names[] = {"INIT", "ENABLING", "RUN", "FAULT"};
-    return names[s];
+    return names[state];
+}
+
+void report_faults(uint32_t faults, char *text, size_t size) {
+    const char *name = PALP_FAULT_NAMES;
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t bit = 1; *name != '\0'; bit <<= 1) {
+        int length = (int)strcspn(name, " ");
+        if ((faults & bit) != 0 && used < size) {
+            used += (size_t)snprintf(text + used, size - used, "%s%.*s", used > 0 ? ", " : "", length, name);
+        }
+        name += length + (name[length] == ' ' ? 1 : 0);
+    }
 }
 
 static float largest_force(const run_record *r) {
@@ -81,9 +94,11 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
         fprintf(f, format, name, text);                                                                     \
     } while (0)
     LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name, r->device_name);
-    LINE("state", "%s, faults latched %#x", state_name(last->state), (unsigned)last->faults);
-    LINE("overruns", "%" PRIu64 " ticks longer than the period, %" PRIu64 " shortened by the clock", c->overruns,
-         c->shortened);
+    char faults[128];
+    report_faults(last->faults, faults, sizeof faults);
+    LINE("state", "%s, faults latched: %s", report_state(last->state), last->faults != 0 ? faults : "none");
+    LINE("overruns", "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64 " ticks shortened by the clock",
+         c->overruns, c->skipped, c->shortened);
     LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99, q.p999, q.max);
     if (r->late_us != NULL) {
         quantiles w = quantiles_of(r->late_us, r->count);

@@ -12,6 +12,7 @@ typedef struct {
     size_t count;
     palp_counters counters;
     uint64_t frames_sent, frames_lost; /* refused by the bus */
+    uint64_t frames_dropped;           /* by the kernel's receive queue */
     double rate_hz;
     /* The instant of the largest force, for the picture. */
     float *displacement_m; /* [nodes][3] */
@@ -22,6 +23,10 @@ typedef struct {
 
 void report_text(FILE *f, const run_record *r);
 void report_html(FILE *f, const run_record *r);
+
+/* Names of a state and of latched faults, for people. */
+const char *report_state(palp_state state);
+void report_faults(uint32_t faults, char *text, size_t size);
 
 /* Smallest of absorbed - 0 over the run: how close the hand came to being given energy (J, device units). */
 float smallest_energy_margin(const run_record *r);

@@ -186,12 +186,15 @@ static void watch_drives(palp_servo *s) {
     if (oldest_estimate_s(s) >= PALP_LOST_S) s->faults |= PALP_FAULT_LOST;
 }
 
+/* RUN needs a heartbeat that is younger than the enable sequence, whatever state the drives were found in. */
 static void advance_state(palp_servo *s) {
     bool heard = true, ready = true;
+    uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         const axis *a = &s->axes[i];
         heard = heard && a->heard;
-        ready = ready && a->known && a->age <= 1u && a->drive_error == 0u && a->drive_state == PALP_ODRIVE_CLOSED_LOOP;
+        ready = ready && a->known && a->age <= 1u && a->drive_error == 0u && a->drive_state == PALP_ODRIVE_CLOSED_LOOP &&
+                a->heartbeat_age + settle < s->state_ticks;
     }
     s->state_ticks++;
     if (s->state == PALP_STATE_INIT && heard) enter(s, PALP_STATE_ENABLING);
@@ -313,7 +316,7 @@ static uint32_t send_to_all(const palp_servo *s, palp_odrive_message m, palp_can
 static uint32_t send_frames(const palp_servo *s, const palp_report *r, palp_can_frame *out) {
     uint32_t every = (uint32_t)(ENABLE_EVERY_S / s->dt_s) + 1u;
     uint32_t n = 0;
-    if (s->state == PALP_STATE_ENABLING && s->state_ticks % every == 0u) {
+    if (s->state == PALP_STATE_ENABLING && s->state_ticks % every == 0u) { /* the first time at once */
         n = send_to_all(s, (palp_odrive_message){.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
                                                  .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
                                                  .input_mode = PALP_ODRIVE_PASSTHROUGH}, out, n);
@@ -335,6 +338,17 @@ static uint32_t send_frames(const palp_servo *s, const palp_report *r, palp_can_
     }
     return n;
 }
+
+void palp_servo_skip(palp_servo *servo, uint32_t periods) {
+    servo->counters.skipped += periods;
+    for (uint32_t i = 0; i < PALP_AXES; i++) {
+        servo->axes[i].age += periods;
+        servo->axes[i].heartbeat_age += periods;
+    }
+    if (servo->state == PALP_STATE_RUN) watch_drives(servo);
+}
+
+void palp_servo_bus_failed(palp_servo *servo) { servo->faults |= PALP_FAULT_BUS; }
 
 uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t in_count, palp_can_frame *out,
                          palp_report *report) {

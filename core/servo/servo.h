@@ -41,10 +41,13 @@ typedef enum {
 #define PALP_FAULT_INPUT 4u     /* several implausible encoder values in a row */
 #define PALP_FAULT_OUTPUT 8u    /* a force or torque was not finite */
 #define PALP_FAULT_HEARTBEAT 16u /* heartbeat missing */
+#define PALP_FAULT_BUS 32u       /* bus-off or dead link, reported by the port */
+#define PALP_FAULT_NAMES "drive lost-encoder bad-input bad-output heartbeat bus" /* in the order of the bits */
 
 #define PALP_LATE_S 0.004f       /* encoder age at which the force starts to fade */
 #define PALP_LOST_S 0.024f       /* age at which the fault latches; the force is zero by then */
 #define PALP_HEARTBEAT_S 0.25f
+#define PALP_SETTLE_S 0.02f      /* drives get this long to act on the enable sequence before they are believed */
 #define PALP_RAMP_S 0.2f         /* from enable to full force */
 #define PALP_BAD_IN_A_ROW 3u
 #define PALP_SERVO_FRAMES_OUT 9u
@@ -54,6 +57,7 @@ typedef struct {
     uint64_t ticks, accepted, rejected, repeated, late, implausible;
     uint64_t shortened; /* ticks that did less than the limits allow because time ran out */
     uint64_t limited, overruns;
+    uint64_t skipped;   /* periods in which the caller did not tick */
 } palp_counters;
 
 typedef struct {
@@ -86,6 +90,15 @@ size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits);
  */
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob, const palp_servo_config *config,
                             void *memory, size_t bytes, float *bound_ns);
+
+/*
+ * Before a tick that comes `periods` periods late: everything ages by them, so that what was not heard meanwhile
+ * fades the force and faults as it would have. Counted.
+ */
+void palp_servo_skip(palp_servo *servo, uint32_t periods);
+
+/* Latches PALP_FAULT_BUS: the port has seen bus-off or lost the link. The next tick sends zero torque. */
+void palp_servo_bus_failed(palp_servo *servo);
 
 /*
  * One tick: takes the frames received since the last one, writes at most PALP_SERVO_FRAMES_OUT frames to

@@ -106,7 +106,7 @@ typedef struct {
     sim_device device;
     hand script;
     uint64_t sent, lost;
-    bool error;
+    can_health health;
 } bus;
 
 static bus bus_open(const daemon_spec *s, const device_file *file) {
@@ -125,7 +125,7 @@ static bus bus_open(const daemon_spec *s, const device_file *file) {
 }
 
 static uint32_t bus_receive(bus *b, double time_s, double dt_s, palp_can_frame *frames) {
-    if (!b->loop) return can_receive(b->fd, frames, MAX_FRAMES, &b->error);
+    if (!b->loop) return can_receive(b->fd, frames, MAX_FRAMES, &b->health);
     double target[3];
     hand_target(&b->script, time_s, target);
     sim_device_move(&b->device, dt_s, target, b->script.stiffness_N_per_m, b->script.damping_Ns_per_m);
@@ -198,8 +198,7 @@ static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *co
     palp_status status = palp_servo_open(&servo, blob, config, memory, bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET) {
         float have = config->cost.margin * 1e6f / config->rate_hz;
-        die(EXIT_WORK, "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz leave: lower --rate "
-                       "or bake a coarser model",
+        die(EXIT_WORK, "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz leave: lower --rate",
             (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - (double)have, (double)have, (double)config->rate_hz);
     }
     if (status != PALP_OK) die(EXIT_WORK, "cannot open the servo: %s", palp_status_text(status));
@@ -214,11 +213,29 @@ typedef struct {
     peak peak;
     run_record record;
     size_t capacity;
+    const palp_device *device;
+    palp_state last_state;
+    bool state_shown;
 } session;
 
 static void log_frames(const session *s, double time_s, const palp_can_frame *frames, uint32_t count) {
     const char *name = s->bus->loop ? "loop" : s->spec->bus;
     for (uint32_t i = 0; s->log != NULL && i < count; i++) candump_line(s->log, time_s, name, &frames[i]);
+}
+
+/* Says at once when the state changes, so that nobody waits for a device that is not there. */
+static void announce(session *s, const palp_report *r) {
+    if (s->state_shown && r->state == s->last_state) return;
+    s->state_shown = true;
+    s->last_state = r->state;
+    char faults[128];
+    report_faults(r->faults, faults, sizeof faults);
+    if (s->bus->loop && r->state != PALP_STATE_FAULT) return;
+    if (r->state == PALP_STATE_INIT) {
+        warn("waiting for heartbeats of nodes %d %d %d on %s", s->device->node_id[0], s->device->node_id[1], s->device->node_id[2], s->spec->bus);
+    } else {
+        warn("%s%s%s", report_state(r->state), r->faults != 0 ? ": " : "", faults);
+    }
 }
 
 static void run_tick(session *s, uint64_t tick, float late_us) {
@@ -227,20 +244,23 @@ static void run_tick(session *s, uint64_t tick, float late_us) {
     double dt = 1 / s->spec->rate_hz;
     double time_s = (double)tick * dt;
     uint32_t n_in = bus_receive(s->bus, time_s, dt, in);
+    if (s->bus->health.failed) palp_servo_bus_failed(s->servo);
     uint32_t n_out = palp_servo_tick(s->servo, in, n_in, out, &report);
     for (uint32_t i = 0; i < n_out; i++) bus_send(s->bus, &out[i]);
     keep_peak(&s->peak, s->servo, &report);
     log_frames(s, time_s, in, n_in);
     log_frames(s, time_s, out, n_out);
-    size_t at = tick % s->capacity; /* a longer run keeps its last ticks */
+    size_t at = report.tick % s->capacity; /* a longer run keeps its last ticks */
     s->record.tick[at] = report;
     if (s->record.late_us != NULL) s->record.late_us[at] = late_us;
-    s->record.count = tick < s->capacity ? (size_t)tick + 1 : s->capacity;
+    s->record.count = report.tick < s->capacity ? (size_t)report.tick + 1 : s->capacity;
+    announce(s, &report);
 }
 
 static void run(session *s) {
     uint64_t period_ns = (uint64_t)(1e9 / s->spec->rate_hz);
     uint64_t ticks = (uint64_t)(s->spec->seconds * s->spec->rate_hz + 0.5);
+    if (!s->bus->loop) can_drain(s->bus->fd);
     uint64_t next = monotonic_ns(NULL);
     for (uint64_t tick = 0; (ticks == 0 || tick < ticks) && interrupted == 0; tick++) {
         float late_us = 0;
@@ -248,7 +268,17 @@ static void run(session *s) {
             next += period_ns;
             late_us = (float)sleep_until(next) * 1e-3f;
             uint64_t now = monotonic_ns(NULL);
-            while (now > next + period_ns) next += period_ns; /* after an overrun whole periods are skipped */
+            /*
+             * After an overrun whole periods are skipped, never made up for in a burst, and what queued up
+             * meanwhile is too old to use. A simulated device waits with us.
+             */
+            uint64_t skipped = now > next ? (now - next) / period_ns : 0;
+            next += skipped * period_ns;
+            if (skipped > 0 && !s->bus->loop) {
+                tick += skipped;
+                palp_servo_skip(s->servo, (uint32_t)skipped);
+                if (skipped > 2) can_drain(s->bus->fd);
+            }
         }
         run_tick(s, tick, late_us);
     }
@@ -282,7 +312,7 @@ int main(int argc, char **argv) {
         die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s.touch);
     }
     bus b = bus_open(&s, &file);
-    session ses = {.spec = &s, .bus = &b};
+    session ses = {.spec = &s, .bus = &b, .device = &file.device};
     output log = {0}, page = {0}, view = {0};
     if (s.log != NULL) log = open_output(s.log);
     if (s.report != NULL) page = open_output(s.report);
@@ -317,6 +347,7 @@ int main(int argc, char **argv) {
     r->counters = *palp_servo_counters(ses.servo);
     r->frames_sent = b.sent;
     r->frames_lost = b.lost;
+    r->frames_dropped = b.health.dropped;
     r->displacement_m = peak_displacement(&blob, &ses.peak);
     memcpy(r->tool_m, &ses.peak.tool_m, sizeof r->tool_m);
     report_text(stdout, r);
@@ -330,7 +361,11 @@ int main(int argc, char **argv) {
         commit_output(&view);
     }
     const palp_report *last = &r->tick[r->count - 1];
-    if (b.error) warn("the bus reported an error: check the interface (ip -details link show %s)", s.bus);
-    if (last->state != PALP_STATE_RUN) warn("the run ended in state %d with faults %#x", (int)last->state, (unsigned)last->faults);
-    return last->state == PALP_STATE_RUN && last->faults == 0 && !b.error ? EXIT_SUCCESS : EXIT_WORK;
+    if (b.health.failed) warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
+    if (last->state != PALP_STATE_RUN) {
+        char faults[128];
+        report_faults(last->faults, faults, sizeof faults);
+        warn("the run ended in state %s%s%s", report_state(last->state), last->faults != 0 ? ": " : "", faults);
+    }
+    return last->state == PALP_STATE_RUN && last->faults == 0 ? EXIT_SUCCESS : EXIT_WORK;
 }

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: MIT
+# Every bad input is one clear line, the exit code of INTERFACE, and no output file.
+. "$(dirname "$0")/lib.sh"
+ball=$here/blobs/ball.obj
+bake="$palp bake m.obj --as-is -o out.palp --young 1e4 --poisson 0.3"
+held="--fix-below z -0.5"
+
+: >m.obj
+refuses 1 empty "empty OBJ" $bake $held
+head -c 1500 "$ball" >m.obj
+refuses 1 . "truncated OBJ" $bake $held
+sed '3s/.*/v nan 0 1/' "$ball" >m.obj
+refuses 1 "not a finite" "NaN coordinate" $bake $held
+sed '3s/.*/v 1e999 0 1/' "$ball" >m.obj
+refuses 1 "not a finite" "infinite coordinate" $bake $held
+{ cat "$ball"; echo "f 1 2 999"; } >m.obj
+refuses 1 "999 is out of range" "index out of range" $bake $held
+{ cat "$ball"; echo "f 1 2 0"; } >m.obj
+refuses 1 "0 is out of range" "index zero" $bake $held
+sed '$d' "$ball" >m.obj
+refuses 1 "open" "open mesh" $bake $held
+{ cat "$ball"; echo "v 0 0 9"; set -- $(grep '^f' "$ball" | head -1); echo "f $2 $3 43"; echo "f $3 $2 43"; } >m.obj
+refuses 1 "non-manifold" "non-manifold edge" $bake $held
+n=$(grep -c '^v' "$ball")
+{ cat "$ball"; sed -n 's/^v \([^ ]*\)/v 9\1/p' "$ball" | sed 's/v 9-/v -9/'; awk -v n="$n" '/^f/{print "f", $2+n, $3+n, $4+n}' "$ball"; } >m.obj
+refuses 1 "several components" "two components" $bake $held
+{ cat "$ball"; echo "v 5 5 5"; } >m.obj
+refuses 1 "belongs to no triangle" "unused vertex, as is" $bake $held
+awk '/^v/{print "v", $2, $3, 0} /^f/' "$ball" >m.obj
+refuses 1 . "flat mesh" $bake $held
+
+cp "$ball" m.obj
+refuses 2 "no fixed node" "no fixed node: no option" $bake
+refuses 1 "no node is fixed" "no fixed node: none selected" $bake --fix-below z -7
+refuses 1 "all .* nodes are fixed" "all nodes fixed" $bake --fix-below z 7
+printf '0\n1\n' >two.txt
+refuses 1 "one line" "fixed nodes collinear" $bake --fix-nodes two.txt
+printf '0\n99999\n' >bad.txt
+refuses 2 "not a node" "fixed node out of range" $bake --fix-nodes bad.txt
+refuses 2 "cannot read" "missing node list" $bake --fix-nodes nothing.txt
+refuses 2 "out of range" "Poisson 0.5" $palp bake m.obj --as-is -o out.palp --young 1e4 --poisson 0.5 $held
+refuses 2 "out of range" "Poisson -1" $palp bake m.obj --as-is -o out.palp --young 1e4 --poisson -1 $held
+refuses 2 "out of range" "negative Young" $palp bake m.obj --as-is -o out.palp --young -5 --poisson 0.3 $held
+refuses 2 "not a finite number" "Young that is no number" $palp bake m.obj --as-is -o out.palp --young stiff --poisson 0.3 $held
+refuses 2 "out of range" "epsilon 2" $bake $held --epsilon 2
+refuses 2 "out of range" "negative epsilon" $bake $held --epsilon -0.1
+refuses 2 "not x, y or z" "bad axis" $bake --fix-below w 0
+refuses 2 "unknown option" "unknown option" $bake $held --frobnicate
+refuses 2 "needs 1 value" "missing value" $bake $held --epsilon
+refuses 2 "no stiffness" "no Young" $palp bake m.obj --as-is -o out.palp --poisson 0.3 $held
+refuses 2 "no output" "no output" $palp bake m.obj --as-is --young 1e4 --poisson 0.3 $held
+refuses 2 "cannot read" "missing mesh" $palp bake nothing.obj --as-is -o out.palp --young 1e4 --poisson 0.3 $held
+refuses 2 "unknown mesh format" "unknown format" $palp bake "$here/Makefile" --as-is -o out.palp --young 1e4 --poisson 0.3 $held
+refuses 2 "cannot write" "unwritable output" $palp bake m.obj --as-is -o /nonexistent/out.palp --young 1e4 --poisson 0.3 $held
+refuses 2 "unknown command" "unknown command" $palp brew
+
+$palp bake m.obj --as-is -o good.palp --young 1e4 --poisson 0.3 $held >/dev/null 2>&1
+ok $? "the ball itself bakes"
+head -c 5000 good.palp >cut.palp
+refuses 1 "truncated" "truncated blob" $palp info cut.palp
+refuses 1 "not a Palp blob" "not a blob" $palp info m.obj
+size=$(wc -c <good.palp)
+for at in 0 9 40 70 300 $((size / 3)) $((size / 2)) $((size - 1)); do
+    cp good.palp flip.palp
+    byte=$(dd if=good.palp bs=1 skip=$at count=1 2>/dev/null | od -An -tu1 | tr -d ' ')
+    printf "\\$(printf %o $(((byte + 1) % 256)))" | dd of=flip.palp bs=1 seek=$at conv=notrunc 2>/dev/null
+    refuses 1 . "byte $at changed" $palp info flip.palp
+done
+set_csv() { printf 'node,kind,x,y,z\n%s\n' "$1" >set.csv; }
+set_csv "9999,u,0,0,0"
+refuses 2 "not a node" "solve: node out of range" $palp solve good.palp --set set.csv -o out.csv
+set_csv "1,x,0,0,0"
+refuses 2 "unknown kind" "solve: unknown kind" $palp solve good.palp --set set.csv -o out.csv
+set_csv "1,u,0,0"
+refuses 2 "needs 3" "solve: missing value" $palp solve good.palp --set set.csv -o out.csv
+set_csv "1,u,inf,0,0"
+refuses 2 "finite" "solve: infinite value" $palp solve good.palp --set set.csv -o out.csv
+set_csv "1,free,,,"
+refuses 2 "not fixed" "solve: released node that is free" $palp solve good.palp --set set.csv -o out.csv
+printf 'node,kind,x,y,z\n1,f,1,0,0\n1,f,1,0,0\n' >set.csv
+refuses 2 "already" "solve: a node twice" $palp solve good.palp --set set.csv -o out.csv
+echo "1,2,3" >set.csv
+refuses 2 "header" "solve: no header" $palp solve good.palp --set set.csv -o out.csv
+set_csv "1,f,1,0,0"
+refuses 2 "not a constraint level" "solve: unknown level" $palp solve good.palp --set set.csv -o out.csv --level 7
+refuses 2 "no device" "palpd: no device" $palpd good.palp --bus loop
+refuses 2 "no device 'x'" "palpd: unknown device" sh -c "$palpd good.palp --bus loop --device x 2>&1 >/dev/null | tail -1 >&2; exit 2"
+refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --device arm3
+refuses 2 "not a free node" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
+echo "0 0 0" >hand.txt
+refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
+sed 's/^mass.*/mass -1/' "$here/sim/devices/arm3.dev" >bad.dev
+refuses 2 "out of range" "palpd: bad device file" $palpd good.palp --bus loop --device bad.dev
+sed '/^mass/d' "$here/sim/devices/arm3.dev" >bad.dev
+refuses 2 "'mass' is missing" "palpd: incomplete device file" $palpd good.palp --bus loop --device bad.dev
+refuses 2 "inside palpd" "palp-sim: loop" $palp_sim --bus loop --device arm3
+for program in "$palp" "$palp bake" "$palp remesh" "$palp subdivide" "$palp info" "$palp solve" "$palpd" "$palp_sim"; do
+    $program --help >help.txt 2>&1 && grep -q usage help.txt
+    ok $? "$(basename "$program") --help"
+done
+done_testing

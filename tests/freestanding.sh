@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+# core stands alone: what it includes, what it links to, what instructions it holds, where it compiles.
+. "$(dirname "$0")/cli/lib.sh"
+cd "$here" || exit 1
+bad=$(grep -nE '^ *# *include *<' core/*.h core/*/*.[ch] | grep -vE '<(stdint|stddef|stdbool|float|limits)\.h>')
+[ -z "$bad" ]; ok $? "only freestanding headers are included $bad"
+bad=$(grep -nwE 'double|malloc|calloc|realloc|free|printf|goto' core/*.h core/*/*.[ch] | grep -vE '^[^:]*:[0-9]+: *(\*|/\*)' | grep -v '\*.*\bfree\b')
+[ -z "$bad" ]; ok $? "no double, no allocation, no printing $bad"
+bad=$(grep -nE '#include "' core/*.h core/*/*.[ch] | grep -vE '"(core/|[a-z0-9_]+\.h)')
+[ -z "$bad" ]; ok $? "core includes nothing outside core $bad"
+order="base blob green touch servo"
+bad=""
+for layer in base blob green touch device; do
+    for above in $(echo "$order" | sed "s/.*$layer//"); do
+        [ "$layer" = device ] && above="blob green touch servo"
+        for a in $above; do bad="$bad$(grep -ln "\"core/$a/" core/$layer/*.[ch])"; done
+    done
+done
+[ -z "$bad" ]; ok $? "dependencies point one way $bad"
+undefined=$(nm -u "$BUILD/libpalp.a" | awk '$1=="U"{print $2}' | sort -u | grep -vE '^(memcpy|memmove|memset|memcmp)$')
+defined=$(nm "$BUILD/libpalp.a" | awk '$2=="T"{print $3}' | sort -u)
+outside=$(echo "$undefined" | while read -r s; do echo "$defined" | grep -qx "$s" || echo "$s"; done)
+[ -z "$(echo $outside)" ]; ok $? "the library needs nothing but memcpy, memmove, memset, memcmp $outside"
+data=$(nm "$BUILD/libpalp.a" | awk '$2 ~ /^[bBdDcC]$/')
+[ -z "$data" ]; ok $? "no mutable static data $data"
+if [ "$(uname -m)" = x86_64 ]; then
+    doubles=$(objdump -d "$BUILD/libpalp.a" | grep -cE '\b(add|sub|mul|div|sqrt|cvtss2|cvtsi2)sd\b|\b(add|mul|sub|div)pd\b|\bf(ld|st|mul|add)')
+    [ "$doubles" -eq 0 ]; ok $? "no double-precision instruction ($doubles)"
+fi
+flags="-std=c11 -O2 -ffreestanding -fno-math-errno -ffp-contract=off -I. -Wall -Wextra -Werror"
+try() { # try NAME COMPILER FLAGS...
+    name=$1 compiler=$2
+    shift 2
+    if ! command -v "$compiler" >/dev/null; then
+        count=$((count + 1)); echo "ok $count - $name # SKIP $compiler is not installed (make deps)"
+        return
+    fi
+    errors=""
+    for c in core/*/*.c; do "$compiler" $flags "$@" -c "$c" -o "$work/x.o" 2>"$work/errors" || errors="$errors $c: $(head -2 "$work/errors")"; done
+    [ -z "$errors" ]; ok $? "$name $errors"
+}
+try "core compiles for Cortex-M7, single precision" arm-none-eabi-gcc -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard
+if command -v arm-none-eabi-gcc >/dev/null; then
+    calls=""
+    for c in core/*/*.c; do
+        arm-none-eabi-gcc $flags -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard -c "$c" -o "$work/x.o"
+        calls="$calls$(arm-none-eabi-nm -u "$work/x.o" | grep -E '__aeabi_d|sqrt')"
+    done
+    [ -z "$calls" ]; ok $? "and calls no software double or square root $calls"
+fi
+try "core compiles for wasm32" clang --target=wasm32 -Wno-unknown-warning-option
+try "core compiles for AArch64" aarch64-linux-gnu-gcc
+try "core compiles with clang, warnings as errors" clang -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloat-equal -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla
+done_testing

@@ -1,0 +1,24 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+# Runs TAP tests and adds them up: sh tests/run.sh COMMAND... Ends with "N passed, N failed, N skipped".
+passed=0 failed=0 skipped=0
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+for test in "$@"; do
+    case $test in *.sh) runner=sh ;; *) runner= ;; esac
+    $runner "$test" >"$log" 2>&1
+    status=$?
+    p=$(grep -cE '^ok ' "$log") f=$(grep -cE '^not ok ' "$log") s=$(grep -cE '^ok .*# SKIP' "$log")
+    plan=$(grep -cE '^1\.\.[0-9]+' "$log")
+    if [ "$plan" -ne 1 ] || { [ $status -ne 0 ] && [ "$f" -eq 0 ]; }; then
+        echo "not ok - $test ended early (exit $status):"
+        tail -5 "$log"
+        f=$((f + 1))
+    fi
+    echo "# $test: $((p - s)) passed, $f failed, $s skipped"
+    grep -E '^not ok |# SKIP' "$log"
+    [ -n "$VERBOSE" ] && cat "$log"
+    passed=$((passed + p - s)) failed=$((failed + f)) skipped=$((skipped + s))
+done
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" -eq 0 ]
