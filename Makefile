@@ -83,3 +83,31 @@ $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ)
 bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
+
+# ---- everything else ----
+
+PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
+            libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck
+deps: ## install, with apt, the Debian packages of the full test run (root)
+	apt-get update
+	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
+
+CHECKS := tests/check/sanitize.sh tests/check/same-bits.sh tests/check/browser.sh tests/check/direct.sh tests/check/vm.sh
+check: all $(UNIT_BIN) ## make test plus sanitizers, other targets, browser, numpy and virtual machine
+	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
+
+install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices
+	install -m 755 $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim $(DESTDIR)$(PREFIX)/bin
+	install -m 644 $(LIB) $(DESTDIR)$(PREFIX)/lib
+	install -m 644 sim/devices/*.dev $(DESTDIR)$(PREFIX)/share/palp/devices
+	for h in core/palp.h core/*/*.h; do install -D -m 644 $$h $(DESTDIR)$(PREFIX)/include/palp/$$h; done
+	printf 'prefix=%s\nName: palp\nDescription: feel deformable objects in bounded time\nVersion: 0.1\nCflags: -I$${prefix}/include/palp\nLibs: -L$${prefix}/lib -lpalp\n' \
+	    $(PREFIX) > $(DESTDIR)$(PREFIX)/lib/pkgconfig/palp.pc
+
+format: ## lay out every source file by .clang-format
+	clang-format -i $$(git ls-files '*.c' '*.h')
+clean: ## remove build/
+	rm -rf $(BUILD)
+help: ## this list
+	@grep -hE '^[a-z]+:.*## ' Makefile | sed 's/:.*## /\t/' | sort | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'

@@ -23,18 +23,49 @@ static const float *group_values(const palp_columns *c, uint32_t group, float *b
     return buffer;
 }
 
-/* The eight products of one group; one lane never meets another, so any vector width gives these bits. */
-static void multiply_group(const float *restrict a, const float v[3], float *restrict y) {
-    for (uint32_t k = 0; k < PALP_LANES; k++) {
-        y[4 * k + 0] = a[0 * PALP_LANES + k] * v[0] + a[1 * PALP_LANES + k] * v[1] +
-                       a[2 * PALP_LANES + k] * v[2];
-        y[4 * k + 1] = a[3 * PALP_LANES + k] * v[0] + a[4 * PALP_LANES + k] * v[1] +
-                       a[5 * PALP_LANES + k] * v[2];
-        y[4 * k + 2] = a[6 * PALP_LANES + k] * v[0] + a[7 * PALP_LANES + k] * v[1] +
-                       a[8 * PALP_LANES + k] * v[2];
-        y[4 * k + 3] = 0.0f;
+/*
+ * The eight products of one group, four floats each (x, y, z, 0). One lane never meets another, so every
+ * vector width, and the plain loop, gives the same bits. The vector form exists because compilers do not
+ * find the transposition by themselves; it made fast summation 1.6 to 1.9 times faster (make bench).
+ */
+#if defined(__SSE2__) || defined(__ARM_NEON) || defined(__wasm_simd128__)
+typedef float lanes4 __attribute__((vector_size(16), aligned(4)));
+
+static void transpose_out(lanes4 x, lanes4 y, lanes4 z, float *out) {
+    lanes4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
+    lanes4 xy_low = __builtin_shufflevector(x, y, 0, 4, 1, 5);
+    lanes4 xy_high = __builtin_shufflevector(x, y, 2, 6, 3, 7);
+    lanes4 z_low = __builtin_shufflevector(z, zero, 0, 4, 1, 5);
+    lanes4 z_high = __builtin_shufflevector(z, zero, 2, 6, 3, 7);
+    *(lanes4 *)(void *)(out + 0) = __builtin_shufflevector(xy_low, z_low, 0, 1, 4, 5);
+    *(lanes4 *)(void *)(out + 4) = __builtin_shufflevector(xy_low, z_low, 2, 3, 6, 7);
+    *(lanes4 *)(void *)(out + 8) = __builtin_shufflevector(xy_high, z_high, 0, 1, 4, 5);
+    *(lanes4 *)(void *)(out + 12) = __builtin_shufflevector(xy_high, z_high, 2, 3, 6, 7);
+}
+
+static lanes4 load4(const float *p) { return *(const lanes4 *)(const void *)p; }
+
+static void multiply_group(const float *a, const float v[3], float *y) {
+    for (uint32_t k = 0; k < PALP_LANES; k += 4) {
+        lanes4 sum[3];
+        for (uint32_t r = 0; r < 3; r++) {
+            const float *entry = a + 3u * r * PALP_LANES + k;
+            sum[r] = load4(entry) * v[0] + load4(entry + PALP_LANES) * v[1] + load4(entry + 2u * PALP_LANES) * v[2];
+        }
+        transpose_out(sum[0], sum[1], sum[2], y + 4u * k);
     }
 }
+#else
+static void multiply_group(const float *restrict a, const float v[3], float *restrict y) {
+    for (uint32_t k = 0; k < PALP_LANES; k++) {
+        for (uint32_t r = 0; r < 3; r++) {
+            const float *entry = a + 3u * r * PALP_LANES + k;
+            y[4u * k + r] = entry[0] * v[0] + entry[PALP_LANES] * v[1] + entry[2u * PALP_LANES] * v[2];
+        }
+        y[4u * k + 3u] = 0.0f;
+    }
+}
+#endif
 
 void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3], float *details) {
     float buffer[PALP_GROUP_VALUES];
