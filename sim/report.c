@@ -108,8 +108,9 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
          last->level, r->count, spent, full);
     LINE("contact", "%zu ticks touching, at most %" PRIu32 " nodes", touching, most_active);
     LINE("frames", "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64 " late, %" PRIu64
-                   " implausible; %" PRIu64 " sent, %" PRIu64 " lost",
-         c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent, r->frames_lost);
+                   " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64 " dropped by the kernel",
+         c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent, r->frames_lost,
+         r->frames_dropped);
     LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r), c->limited);
     LINE("energy", "absorbed from the hand %.4g J at the end, smallest margin %.3g J", (double)last->absorbed_J,
          (double)smallest_energy_margin(r));
