@@ -147,7 +147,7 @@ static void set_option(void *context, const argument *a) {
 
 /* The command line; when it names a model file, that file first and the command line over it. */
 static bake_spec read_spec(int argc, char **argv) {
-    const bake_spec defaults = {.levels = 3, .poisson = NAN, .density = 1000, .epsilon = 0.05};
+    const bake_spec defaults = {.levels = 3, .poisson = (double)NAN, .density = 1000, .epsilon = 0.05};
     bake_spec s = defaults;
     args_parse(argc, argv, options, help, set_option, &s);
     const char *input = s.input;
@@ -245,7 +245,7 @@ static uint8_t *choose_fixed(const bake_spec *s, const mesh *m) {
     }
     uint32_t count = 0;
     for (uint32_t i = 0; i < m->vertices; i++) count += fixed[i];
-    double lo[3] = {INFINITY, INFINITY, INFINITY}, hi[3] = {-INFINITY, -INFINITY, -INFINITY};
+    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
     for (uint32_t i = 0; i < m->vertices; i++) {
         for (int k = 0; k < 3; k++) {
             lo[k] = fmin(lo[k], m->x[i][k]);
@@ -293,7 +293,7 @@ static mesh prepare_mesh(const bake_spec *s) {
 }
 
 static void stiffness_range(const greens *g, double (*normal)[3], palp_meta *meta) {
-    double low = INFINITY, high = 0;
+    double low = HUGE_VAL, high = 0;
     for (uint32_t i = 0; i < g->nodes; i++) {
         if (g->fixed[i] != 0) continue;
         double compliance = 0;

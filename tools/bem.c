@@ -119,7 +119,7 @@ static double distance_to_triangle(const double x[3], double c[3][3], const doub
     double foot[3];
     for (int k = 0; k < 3; k++) foot[k] = x[k] - height * normal[k];
     bool inside = true;
-    double nearest = INFINITY;
+    double nearest = HUGE_VAL;
     for (int k = 0; k < 3; k++) {
         double n[3];
         triangle_normal(c[k], c[(k + 1) % 3], foot, n);

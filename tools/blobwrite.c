@@ -62,7 +62,7 @@ static void build_grid(const mesh *m, palp_meta *meta, uint32_t **offset, uint32
 
 static void bounding_box(const mesh *m, palp_meta *meta) {
     for (int k = 0; k < 3; k++) {
-        double lo = INFINITY, hi = -INFINITY;
+        double lo = HUGE_VAL, hi = -HUGE_VAL;
         for (uint32_t i = 0; i < m->vertices; i++) {
             lo = fmin(lo, m->x[i][k]);
             hi = fmax(hi, m->x[i][k]);

@@ -23,8 +23,8 @@ struct bvh {
 
 static void bound(const bvh *b, box *x, uint32_t first, uint32_t count) {
     for (int k = 0; k < 3; k++) {
-        x->lo[k] = INFINITY;
-        x->hi[k] = -INFINITY;
+        x->lo[k] = HUGE_VAL;
+        x->hi[k] = -HUGE_VAL;
     }
     for (uint32_t i = first; i < first + count; i++) {
         for (int c = 0; c < 3; c++) {
@@ -166,7 +166,7 @@ double bvh_closest(const bvh *b, const double x[3], const double *normal, double
     uint32_t stack[128];
     uint32_t found = 0;
     int top = 0;
-    double best = INFINITY;
+    double best = HUGE_VAL;
     stack[top++] = 0;
     while (top > 0) {
         const box *n = &b->boxes[stack[--top]];

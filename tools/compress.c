@@ -226,7 +226,9 @@ static void measure(const compression *c, size_t first_column, float *field, sto
 static float column_scale(const compression *c, const float *field) {
     float largest = 0;
     if (!c->half) return 1.0f;
-    for (size_t i = 0; i < 3 * (size_t)c->row->view.slots * LANES; i++) largest = fmaxf(largest, fabsf(field[i]));
+    for (size_t i = 0; i < 3 * (size_t)c->row->view.slots * LANES; i++) {
+        if (fabsf(field[i]) > largest) largest = fabsf(field[i]);
+    }
     return largest > 0 ? largest : 1.0f;
 }
 

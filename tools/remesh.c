@@ -85,7 +85,7 @@ static int compare_misses(const void *a, const void *b) {
 
 static uint32_t nearest_vertex(const fit *f, const double x[3], const double facing[3]) {
     uint32_t best = UINT32_MAX;
-    double nearest = INFINITY;
+    double nearest = HUGE_VAL;
     for (uint32_t v = 0; v < f->m->vertices; v++) {
         double d = v_distance(x, f->m->x[v]);
         if (d >= nearest || v_dot(facing, f->facing[v]) < FACING_COSINE) continue;
@@ -362,7 +362,7 @@ static bool good_enough(const remesh_report *r) {
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles, remesh_report *report) {
     static const uint32_t ladder[] = {64, 80, 96, 128, 160, 220, 300, 420};
     size_t tries = base_triangles > 0 ? 1 : sizeof ladder / sizeof ladder[0];
-    remesh_report r = {0}, best_report = {.max = INFINITY};
+    remesh_report r = {0}, best_report = {.max = HUGE_VAL};
     mesh best = {0};
     uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
