@@ -179,7 +179,10 @@ static float from_half(uint16_t h) {
 static void threshold(const compression *c, const float *field, stored_column *s) {
     const palp_domain *d = &c->row->view;
     double largest = 0;
-    for (uint32_t i = 0; i < d->slots; i++) largest = fmax(largest, block_norm(field, d->slots, i));
+    for (uint32_t i = 0; i < d->slots; i++) {
+        double norm = block_norm(field, d->slots, i);
+        if (norm > largest) largest = norm;
+    }
     s->index = allocate(d->slots, sizeof *s->index);
     s->block = allocate(d->slots, sizeof *s->block);
     for (uint32_t l = 0; l < d->levels; l++) {
@@ -217,8 +220,8 @@ static void measure(const compression *c, size_t first_column, float *field, sto
         }
         s->error2 += error2;
         s->norm2 += norm2;
-        largest = fmax(largest, norm2);
-        worst = fmax(worst, error2);
+        if (norm2 > largest) largest = norm2;
+        if (error2 > worst) worst = error2;
     }
     s->worst = largest > 0 ? sqrt(worst / largest) : 0;
 }
