@@ -8,8 +8,8 @@ AR := $(CROSS)ar
 
 WARN := -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloat-equal \
         -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla -Werror
-SHARED := -std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -I. $(WARN)
-CORE_FLAGS := $(SHARED) -ffreestanding
+SHARED := -std=c11 -O3 -ffp-contract=off -fno-math-errno -I. $(WARN)
+CORE_FLAGS := $(SHARED) -fno-trapping-math -ffreestanding
 HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
 
