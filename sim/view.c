@@ -52,7 +52,9 @@ static camera look(const palp_blob *b, const float tool_m[3], double radius, int
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
         double d[3];
         for (int k = 0; k < 3; k++) d[k] = (double)b->rest_m[3 * i + (uint32_t)k] - c.center[k];
-        extent = fmax(extent, fmax(fabs(v_dot(d, c.right)) * height / width, fabs(v_dot(d, c.up))));
+        double wide = fabs(v_dot(d, c.right)) * height / width, high = fabs(v_dot(d, c.up));
+        if (wide > extent) extent = wide;
+        if (high > extent) extent = high;
     }
     for (int side = -1; side <= 1; side += 2) {
         double d[3];
@@ -134,7 +136,7 @@ void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, cons
             u2 += u * u;
         }
         heat[i] = sqrt(u2);
-        largest = fmax(largest, heat[i]);
+        if (heat[i] > largest) largest = heat[i];
     }
     for (uint32_t i = 0; i < n; i++) heat[i] /= largest;
     uint32_t count = project_faces(blob, &c, (const double(*)[3])x, heat, faces);
