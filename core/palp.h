@@ -2,15 +2,15 @@
 /*
  * Palp: feel deformable objects in bounded time.
  *
- * A *blob* holds the Green's functions of one elastic body, precomputed and wavelet-compressed by `palp
- * bake`. Everything here reads it in place, in memory that the caller owns, without allocation, recursion,
- * I/O, locks or libm, in single precision and in one fixed order of operations, so that the same blob and
- * the same frames give the same bits on every platform.
+ * A *blob* holds the Green's functions of one elastic body, precomputed and wavelet-compressed by
+ * `palp bake`. Everything here reads it in place, in memory that the caller owns, without
+ * allocation, recursion, I/O, locks or libm, in single precision and in one fixed order of
+ * operations, so that the same blob and the same frames give the same bits on every platform.
  *
  *     palp_blob blob;
  *     palp_blob_open(&blob, data, bytes);                          once: everything is checked here
- *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what cannot be in time
- *     n = palp_servo_tick(servo, in, in_count, out, &report);      every millisecond
+ *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what cannot be in
+ * time n = palp_servo_tick(servo, in, in_count, out, &report);      every millisecond
  *
  * Layers, each standing on those above it:
  *   base/   status codes, vectors, small dense factorisations, CRC, arena
@@ -20,8 +20,9 @@
  *   device/ CAN frames, drive codec, kinematics (stands on base alone)
  *   servo/  cost bounds, output chain, the tick
  *
- * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are SI and
- * part of each name that has one. Costs are given in the counts of the blob and of the limits.
+ * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
+ * SI and part of each name that has one. Costs are given in the counts of the blob and of the
+ * limits.
  */
 #ifndef PALP_H
 #define PALP_H

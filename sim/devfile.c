@@ -11,11 +11,14 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--kinematics", 1}, {"--upper", 1},     {"--fore", 1},      {"--gear", 3},      {"--counts", 1},
-    {"--protocol", 1},   {"--node", 3},      {"--bitrate", 1},   {"--joint-min", 3}, {"--joint-max", 3},
-    {"--torque-max", 1}, {"--force-max", 1}, {"--slew-max", 1},  {"--speed-max", 1}, {"--workspace", 1},
-    {"--tool", 1},       {"--stiffness-max", 1}, {"--damping-max", 1}, {"--mass", 1}, {"--damping", 1},
-    {"--friction", 1},   {NULL, 0},
+    {"--kinematics", 1}, {"--upper", 1},         {"--fore", 1},
+    {"--gear", 3},       {"--counts", 1},        {"--protocol", 1},
+    {"--node", 3},       {"--bitrate", 1},       {"--joint-min", 3},
+    {"--joint-max", 3},  {"--torque-max", 1},    {"--force-max", 1},
+    {"--slew-max", 1},   {"--speed-max", 1},     {"--workspace", 1},
+    {"--tool", 1},       {"--stiffness-max", 1}, {"--damping-max", 1},
+    {"--mass", 1},       {"--damping", 1},       {"--friction", 1},
+    {NULL, 0},
 };
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
 
@@ -25,7 +28,8 @@ typedef struct {
 } reading;
 
 static void set_word(const argument *a, const char *only) {
-    if (strcmp(a->value[0], only) != 0) die(EXIT_USAGE, "%s: '%s' is not supported, only '%s'", a->where, a->value[0], only);
+    if (strcmp(a->value[0], only) != 0)
+        die(EXIT_USAGE, "%s: '%s' is not supported, only '%s'", a->where, a->value[0], only);
 }
 
 static void set_key(void *context, const argument *a) {
@@ -34,15 +38,23 @@ static void set_key(void *context, const argument *a) {
     const struct {
         const char *key;
         float *value;
-    } positive[] = {{"--upper", &p->arm.upper_m}, {"--fore", &p->arm.fore_m}, {"--counts", &p->counts_per_rev},
-                    {"--bitrate", &p->bit_rate_bps}, {"--torque-max", &p->motor_torque_max_Nm},
-                    {"--force-max", &p->force_max_N}, {"--slew-max", &p->slew_max_N_per_s},
-                    {"--speed-max", &p->speed_max_m_s}, {"--workspace", &p->workspace_radius_m},
-                    {"--tool", &p->tool_radius_m}, {"--stiffness-max", &p->stiffness_max_N_per_m},
+    } positive[] = {{"--upper", &p->arm.upper_m},
+                    {"--fore", &p->arm.fore_m},
+                    {"--counts", &p->counts_per_rev},
+                    {"--bitrate", &p->bit_rate_bps},
+                    {"--torque-max", &p->motor_torque_max_Nm},
+                    {"--force-max", &p->force_max_N},
+                    {"--slew-max", &p->slew_max_N_per_s},
+                    {"--speed-max", &p->speed_max_m_s},
+                    {"--workspace", &p->workspace_radius_m},
+                    {"--tool", &p->tool_radius_m},
+                    {"--stiffness-max", &p->stiffness_max_N_per_m},
                     {"--damping-max", &p->damping_max_Ns_per_m}};
-    for (size_t i = 0; i < KEYS; i++) r->seen[i] = r->seen[i] || strcmp(keys[i].name, a->option) == 0;
+    for (size_t i = 0; i < KEYS; i++)
+        r->seen[i] = r->seen[i] || strcmp(keys[i].name, a->option) == 0;
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
-        if (strcmp(positive[i].key, a->option) == 0) *positive[i].value = (float)arg_between(a, 0, 1e9);
+        if (strcmp(positive[i].key, a->option) == 0)
+            *positive[i].value = (float)arg_between(a, 0, 1e9);
     }
     if (strcmp(a->option, "--kinematics") == 0) set_word(a, "arm3");
     if (strcmp(a->option, "--protocol") == 0) set_word(a, "odrive");
@@ -52,11 +64,14 @@ static void set_key(void *context, const argument *a) {
     for (int i = 0; i < 3; i++) {
         const float degree = 0.017453292519943f;
         if (strcmp(a->option, "--node") == 0) p->node_id[i] = (uint8_t)arg_u32(a, i, 0, 63);
-        if (strcmp(a->option, "--joint-min") == 0) p->joint_min_rad[i] = degree * (float)arg_double(a, i);
-        if (strcmp(a->option, "--joint-max") == 0) p->joint_max_rad[i] = degree * (float)arg_double(a, i);
+        if (strcmp(a->option, "--joint-min") == 0)
+            p->joint_min_rad[i] = degree * (float)arg_double(a, i);
+        if (strcmp(a->option, "--joint-max") == 0)
+            p->joint_max_rad[i] = degree * (float)arg_double(a, i);
         if (strcmp(a->option, "--gear") != 0) continue;
         p->gear[i] = (float)arg_double(a, i);
-        if (!(p->gear[i] > 0.0f || p->gear[i] < 0.0f)) die(EXIT_USAGE, "%s: a gear ratio cannot be 0", a->where);
+        if (!(p->gear[i] > 0.0f || p->gear[i] < 0.0f))
+            die(EXIT_USAGE, "%s: a gear ratio cannot be 0", a->where);
     }
 }
 
@@ -76,12 +91,14 @@ device_file device_load(const char *name_or_path) {
         args_parse_file(name_or_path, keys, set_key, &r);
     } else {
         fprintf(stderr, "%s: built-in devices:", program_name);
-        for (size_t i = 0; builtin_devices[i][0] != NULL; i++) fprintf(stderr, " %s", builtin_devices[i][0]);
+        for (size_t i = 0; builtin_devices[i][0] != NULL; i++)
+            fprintf(stderr, " %s", builtin_devices[i][0]);
         fputc('\n', stderr);
         die(EXIT_USAGE, "no device '%s': neither built in nor a readable file", name_or_path);
     }
     for (size_t i = 0; i < KEYS; i++) {
-        if (!r.seen[i]) die(EXIT_USAGE, "%s: the key '%s' is missing", name_or_path, keys[i].name + 2);
+        if (!r.seen[i])
+            die(EXIT_USAGE, "%s: the key '%s' is missing", name_or_path, keys[i].name + 2);
     }
     for (int i = 0; i < 3; i++) {
         if (!(r.d.device.joint_min_rad[i] < r.d.device.joint_max_rad[i])) {

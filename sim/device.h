@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The virtual haptic device: an arm's tip as a mass with damping and friction, behind three simulated drives. */
+/* The virtual haptic device: an arm's tip as a mass with damping and friction, behind three
+ * simulated drives. */
 #ifndef PALP_SIM_DEVICE_H
 #define PALP_SIM_DEVICE_H
 
@@ -13,14 +14,15 @@ typedef struct {
     char name[64];
 } device_file;
 
-/* Reads `name_or_path`: a built-in description or a file. Exits 2 with the line named when it is wrong. */
+/* Reads `name_or_path`: a built-in description or a file. Exits 2 with the line named when it is
+ * wrong. */
 device_file device_load(const char *name_or_path);
 
 typedef struct {
-    uint32_t state;       /* ODrive axis state */
+    uint32_t state; /* ODrive axis state */
     bool torque_mode;
-    double torque_Nm;     /* commanded */
-    double actual_Nm;     /* after the current loop */
+    double torque_Nm; /* commanded */
+    double actual_Nm; /* after the current loop */
     double since_command_s;
     double turns, turns_per_s; /* encoder reading, and its rate as the drive estimates it */
 } sim_drive;
@@ -42,9 +44,11 @@ void sim_device_init(sim_device *d, const device_file *file, const double x_m[3]
 void sim_device_receive(sim_device *d, const palp_can_frame *frame);
 
 /* Moves for `dt_s` with the hand's spring (N/m), damper (Ns/m) and target, in small steps. */
-void sim_device_move(sim_device *d, double dt_s, const double target_m[3], double hand_N_per_m, double hand_Ns_per_m);
+void sim_device_move(sim_device *d, double dt_s, const double target_m[3], double hand_N_per_m,
+                     double hand_Ns_per_m);
 
-/* Frames that the drives send at the end of a period: estimates, and heartbeats when due. Returns how many. */
+/* Frames that the drives send at the end of a period: estimates, and heartbeats when due. Returns
+ * how many. */
 uint32_t sim_device_transmit(sim_device *d, palp_can_frame frames[SIM_FRAMES_OUT]);
 
 /* Joint angles that put the tip at x; false when out of reach. */

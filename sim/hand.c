@@ -5,23 +5,22 @@
 #include <string.h>
 
 /* z = 0 is where the tool just touches; +z points away from the body. */
-static const char touch_script[] =
-    "0.0  0      0      0.020\n"
-    "0.8  0      0      0.003\n"
-    "1.3  0      0     -0.006\n" /* press */
-    "1.8  0      0     -0.006\n"
-    "2.2  0      0      0.004\n" /* let go */
-    "2.6  0      0     -0.009\n" /* press harder */
-    "3.2  0      0     -0.005\n"
-    "4.0  0.008  0     -0.005\n" /* slide around a square */
-    "4.8  0.008  0.008 -0.005\n"
-    "5.6 -0.008  0.008 -0.005\n"
-    "6.4 -0.008 -0.008 -0.005\n"
-    "7.2  0      0     -0.005\n"
-    "8.0  0      0     -0.013\n" /* deep */
-    "8.6  0      0     -0.013\n"
-    "9.4  0      0      0.010\n"
-    "10   0      0      0.010\n";
+static const char touch_script[] = "0.0  0      0      0.020\n"
+                                   "0.8  0      0      0.003\n"
+                                   "1.3  0      0     -0.006\n" /* press */
+                                   "1.8  0      0     -0.006\n"
+                                   "2.2  0      0      0.004\n" /* let go */
+                                   "2.6  0      0     -0.009\n" /* press harder */
+                                   "3.2  0      0     -0.005\n"
+                                   "4.0  0.008  0     -0.005\n" /* slide around a square */
+                                   "4.8  0.008  0.008 -0.005\n"
+                                   "5.6 -0.008  0.008 -0.005\n"
+                                   "6.4 -0.008 -0.008 -0.005\n"
+                                   "7.2  0      0     -0.005\n"
+                                   "8.0  0      0     -0.013\n" /* deep */
+                                   "8.6  0      0     -0.013\n"
+                                   "9.4  0      0      0.010\n"
+                                   "10   0      0      0.010\n";
 
 static void add_key(hand *h, size_t *capacity, const char *name, size_t line, const char *text) {
     hand_key k;
@@ -32,7 +31,8 @@ static void add_key(hand *h, size_t *capacity, const char *name, size_t line, co
         die(EXIT_USAGE, "%s:%zu: time %g does not grow", name, line, k.time_s);
     }
     for (int i = 0; i < 3; i++) {
-        if (!(k.x_m[i] > -1 && k.x_m[i] < 1)) die(EXIT_USAGE, "%s:%zu: %g m is out of any device's reach", name, line, k.x_m[i]);
+        if (!(k.x_m[i] > -1 && k.x_m[i] < 1))
+            die(EXIT_USAGE, "%s:%zu: %g m is out of any device's reach", name, line, k.x_m[i]);
     }
     h->key = grow(h->key, capacity, h->count + 1u, sizeof *h->key);
     h->key[h->count++] = k;

@@ -17,12 +17,13 @@ typedef struct {
 } hand;
 
 /*
- * Reads `name_or_path`: "touch" (the built-in script: approach, press, slide, press deep, let go, over ten
- * seconds) or a file of lines `t x y z`. Exits 2 with the line named when it is wrong.
+ * Reads `name_or_path`: "touch" (the built-in script: approach, press, slide, press deep, let go,
+ * over ten seconds) or a file of lines `t x y z`. Exits 2 with the line named when it is wrong.
  */
 hand hand_load(const char *name_or_path);
 
-/* Where the hand wants the tip at `time_s`; before the first and after the last key it holds still. */
+/* Where the hand wants the tip at `time_s`; before the first and after the last key it holds still.
+ */
 void hand_target(const hand *h, double time_s, double x_m[3]);
 
 #endif

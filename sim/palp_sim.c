@@ -19,7 +19,8 @@ static const char help[] =
     "  --seconds S    default 10\n"
     "  --rate HZ      of the encoder estimates, default 1000\n";
 
-static const option options[] = {{"--bus", 1}, {"--device", 1}, {"--hand", 1}, {"--seconds", 1}, {"--rate", 1}, {NULL, 0}};
+static const option options[] = {{"--bus", 1},     {"--device", 1}, {"--hand", 1},
+                                 {"--seconds", 1}, {"--rate", 1},   {NULL, 0}};
 
 typedef struct {
     const char *bus, *device, *hand;
@@ -41,7 +42,8 @@ int main(int argc, char **argv) {
     program_name = "palp-sim";
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.bus == NULL) die(EXIT_USAGE, "no bus: add --bus INTERFACE");
-    if (strcmp(s.bus, "loop") == 0) die(EXIT_USAGE, "--bus loop lives inside palpd: run 'palpd BLOB --bus loop --device NAME'");
+    if (strcmp(s.bus, "loop") == 0)
+        die(EXIT_USAGE, "--bus loop lives inside palpd: run 'palpd BLOB --bus loop --device NAME'");
     if (s.device == NULL) die(EXIT_USAGE, "no device: add --device NAME|FILE");
     device_file file = device_load(s.device);
     hand script = hand_load(s.hand);
@@ -50,7 +52,8 @@ int main(int argc, char **argv) {
     double target[3];
     hand_target(&script, 0, target);
     sim_device_init(&device, &file, target);
-    uint64_t period = (uint64_t)(1e9 / s.rate_hz), next = monotonic_ns(NULL), sent = 0, lost = 0, received = 0;
+    uint64_t period = (uint64_t)(1e9 / s.rate_hz), next = monotonic_ns(NULL), sent = 0, lost = 0,
+             received = 0;
     can_health health = {0};
     for (double time_s = 0; time_s < s.seconds; time_s += 1 / s.rate_hz) {
         palp_can_frame frames[64];
@@ -60,14 +63,17 @@ int main(int argc, char **argv) {
         for (uint32_t i = 0; i < n; i++) sim_device_receive(&device, &frames[i]);
         received += n;
         hand_target(&script, time_s, target);
-        sim_device_move(&device, 1 / s.rate_hz, target, script.stiffness_N_per_m, script.damping_Ns_per_m);
+        sim_device_move(&device, 1 / s.rate_hz, target, script.stiffness_N_per_m,
+                        script.damping_Ns_per_m);
         n = sim_device_transmit(&device, frames);
         for (uint32_t i = 0; i < n; i++) {
             sent++;
             lost += can_send(fd, &frames[i]) ? 0 : 1;
         }
     }
-    printf("palp-sim: %" PRIu64 " frames sent, %" PRIu64 " lost, %" PRIu64 " received\n", sent, lost, received);
-    if (health.failed) warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
+    printf("palp-sim: %" PRIu64 " frames sent, %" PRIu64 " lost, %" PRIu64 " received\n", sent,
+           lost, received);
+    if (health.failed)
+        warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
     return health.failed ? EXIT_WORK : EXIT_SUCCESS;
 }

@@ -34,7 +34,8 @@ static palp_vec3 centroid(const palp_blob *b, bool fixed) {
 /* 1 / (n^T G_ii n) of every free node, N/m; 0 at fixed ones. */
 static float *node_stiffness(const palp_blob *b) {
     uint32_t slots = b->domain[PALP_FREE].slots;
-    palp_row_scratch scratch = {allocate(slots, sizeof(float)), allocate((slots + 31) / 32, sizeof(uint32_t))};
+    palp_row_scratch scratch = {allocate(slots, sizeof(float)),
+                                allocate((slots + 31) / 32, sizeof(uint32_t))};
     palp_row row = {.index = allocate(b->meta->max_row, sizeof(uint16_t)),
                     .weight = allocate(b->meta->max_row, sizeof(float))};
     float *stiffness = allocate(b->meta->nodes, sizeof *stiffness);
@@ -44,7 +45,8 @@ static float *node_stiffness(const palp_blob *b) {
         float g[9];
         (void)palp_wavelet_row(&b->domain[PALP_FREE], s, &scratch, &row, b->meta->max_row);
         palp_columns_extract(&b->columns[PALP_FREE][PALP_FREE], s, &row, g);
-        palp_vec3 u = {palp_dot(palp_vec3_at(g), n), palp_dot(palp_vec3_at(g + 3), n), palp_dot(palp_vec3_at(g + 6), n)};
+        palp_vec3 u = {palp_dot(palp_vec3_at(g), n), palp_dot(palp_vec3_at(g + 3), n),
+                       palp_dot(palp_vec3_at(g + 6), n)};
         stiffness[node] = 1.0f / palp_dot(n, u);
     }
     free(scratch.weight);
@@ -63,12 +65,13 @@ static uint32_t choose_node(const palp_blob *b, float radius) {
     uint32_t best = UINT32_MAX;
     float best_score = 0, mean = 0;
     float *stiffness = node_stiffness(b);
-    for (uint32_t i = 0; i < b->meta->nodes; i++) mean += stiffness[i] / (float)b->domain[PALP_FREE].slots;
+    for (uint32_t i = 0; i < b->meta->nodes; i++)
+        mean += stiffness[i] / (float)b->domain[PALP_FREE].slots;
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
         if (palp_node_is_fixed(b, i)) continue;
         float height = palp_dot(palp_sub(rest(b, i), from), up);
-        float score = height * fmaxf(flatness(b, i, radius) - 0.5f, 1e-3f) * (1.2f + palp_dot(normal(b, i), up)) *
-                      fminf(stiffness[i] / mean, 1.0f);
+        float score = height * fmaxf(flatness(b, i, radius) - 0.5f, 1e-3f) *
+                      (1.2f + palp_dot(normal(b, i), up)) * fminf(stiffness[i] / mean, 1.0f);
         if (best != UINT32_MAX && score <= best_score) continue;
         best = i;
         best_score = score;

@@ -12,9 +12,9 @@ typedef struct {
 } touch_frame;
 
 /*
- * Puts the surface at `node` (UINT32_MAX: the highest flat place away from the fixed nodes) just below the
- * tool at the workspace centre, its normal along +z. Bodies between a third of and twice the workspace in
- * size keep their size; others are scaled to it.
+ * Puts the surface at `node` (UINT32_MAX: the highest flat place away from the fixed nodes) just
+ * below the tool at the workspace centre, its normal along +z. Bodies between a third of and twice
+ * the workspace in size keep their size; others are scaled to it.
  */
 touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node);
 

@@ -62,7 +62,8 @@ void report_faults(uint32_t faults, char *text, size_t size) {
     for (uint32_t bit = 1; *name != '\0'; bit <<= 1) {
         int length = (int)strcspn(name, " ");
         if ((faults & bit) != 0 && used < size) {
-            used += (size_t)snprintf(text + used, size - used, "%s%.*s", used > 0 ? ", " : "", length, name);
+            used += (size_t)snprintf(text + used, size - used, "%s%.*s", used > 0 ? ", " : "",
+                                     length, name);
         }
         name += length + (name[length] == ' ' ? 1 : 0);
     }
@@ -85,35 +86,49 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
         if (r->tick[i].active > most_active) most_active = r->tick[i].active;
         touching += r->tick[i].active > 0 ? 1 : 0;
         spent += (r->tick[i].contact_flags & PALP_CONTACT_PIVOTS_SPENT) != 0 ? 1 : 0;
-        full += (r->tick[i].contact_flags & (PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL)) != 0 ? 1 : 0;
+        full += (r->tick[i].contact_flags &
+                 (PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL)) != 0
+                    ? 1
+                    : 0;
     }
     char text[256];
-#define LINE(name, ...)                                                                                     \
-    do {                                                                                                    \
-        snprintf(text, sizeof text, __VA_ARGS__);                                                           \
-        fprintf(f, format, name, text);                                                                     \
+#define LINE(name, ...)                                                                            \
+    do {                                                                                           \
+        snprintf(text, sizeof text, __VA_ARGS__);                                                  \
+        fprintf(f, format, name, text);                                                            \
     } while (0)
-    LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name, r->device_name);
+    LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
+         r->device_name);
     char faults[128];
     report_faults(last->faults, faults, sizeof faults);
-    LINE("state", "%s, faults latched: %s", report_state(last->state), last->faults != 0 ? faults : "none");
-    LINE("overruns", "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64 " ticks shortened by the clock",
+    LINE("state", "%s, faults latched: %s", report_state(last->state),
+         last->faults != 0 ? faults : "none");
+    LINE("overruns",
+         "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
+         " ticks shortened by the clock",
          c->overruns, c->skipped, c->shortened);
-    LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99, q.p999, q.max);
+    LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99,
+         q.p999, q.max);
     if (r->late_us != NULL) {
         quantiles w = quantiles_of(r->late_us, r->count);
-        LINE("wake-up lateness", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", w.p50, w.p99, w.p999, w.max);
+        LINE("wake-up lateness", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", w.p50,
+             w.p99, w.p999, w.max);
     }
-    LINE("levels", "finest (%" PRIu32 ") in all %zu ticks, 0 aborted; %zu ticks spent their pivots, %zu met a capacity",
+    LINE("levels",
+         "finest (%" PRIu32
+         ") in all %zu ticks, 0 aborted; %zu ticks spent their pivots, %zu met a capacity",
          last->level, r->count, spent, full);
     LINE("contact", "%zu ticks touching, at most %" PRIu32 " nodes", touching, most_active);
-    LINE("frames", "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64 " late, %" PRIu64
-                   " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64 " dropped by the kernel",
-         c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent, r->frames_lost,
-         r->frames_dropped);
-    LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r), c->limited);
-    LINE("energy", "absorbed from the hand %.4g J at the end, smallest margin %.3g J", (double)last->absorbed_J,
-         (double)smallest_energy_margin(r));
+    LINE("frames",
+         "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
+         " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
+         " dropped by the kernel",
+         c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent,
+         r->frames_lost, r->frames_dropped);
+    LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
+         c->limited);
+    LINE("energy", "absorbed from the hand %.4g J at the end, smallest margin %.3g J",
+         (double)last->absorbed_J, (double)smallest_energy_margin(r));
 #undef LINE
     free(us);
 }
@@ -139,7 +154,9 @@ static void chart_begin(FILE *f, const char *title, const axis_range *a) {
     fprintf(f, "<h2>%s</h2>\n<svg class='chart' viewBox='0 0 %d %d'>\n", title, WIDTH, HEIGHT);
     for (int k = 0; k <= 4; k++) {
         double v = a->low + (a->high - a->low) * k / 4;
-        fprintf(f, "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' y='%.1f'>%.3g</text>\n",
+        fprintf(f,
+                "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' "
+                "y='%.1f'>%.3g</text>\n",
                 LEFT, WIDTH - 10, y_of(a, v), y_of(a, v), LEFT - 6, y_of(a, v) + 4, v);
     }
     fprintf(f, "<text class='unit' x='12' y='%d'>%s</text>\n", HEIGHT / 2, a->unit);
@@ -148,14 +165,14 @@ static void chart_begin(FILE *f, const char *title, const axis_range *a) {
 static void time_axis(FILE *f, const run_record *r) {
     double seconds = (double)r->count / r->rate_hz;
     for (int k = 0; k <= 10; k++) {
-        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%.3g s</text>\n", LEFT + (WIDTH - LEFT - 10.0) * k / 10 + 10,
-                HEIGHT - 10, seconds * k / 10);
+        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%.3g s</text>\n",
+                LEFT + (WIDTH - LEFT - 10.0) * k / 10 + 10, HEIGHT - 10, seconds * k / 10);
     }
 }
 
 /* One curve; every stretch of ticks that shares a point is drawn as its largest excursion. */
-static void curve(FILE *f, const run_record *r, const axis_range *a, double (*value)(const palp_report *),
-                  const char *colour) {
+static void curve(FILE *f, const run_record *r, const axis_range *a,
+                  double (*value)(const palp_report *), const char *colour) {
     size_t stretch = r->count / MAX_POINTS + 1;
     fprintf(f, "<polyline fill='none' stroke='%s' stroke-width='1.3' points='", colour);
     for (size_t i = 0; i < r->count; i += stretch) {
@@ -183,14 +200,16 @@ typedef struct {
     const char *colour, *name;
 } series;
 
-static void chart(FILE *f, const run_record *r, const char *title, const char *unit, const series *s, size_t count) {
+static void chart(FILE *f, const run_record *r, const char *title, const char *unit,
+                  const series *s, size_t count) {
     axis_range a = {0, 0, unit};
     for (size_t i = 0; i < count; i++) extend(&a, r, s[i].value);
     chart_begin(f, title, &a);
     for (size_t i = 0; i < count; i++) curve(f, r, &a, s[i].value, s[i].colour);
     time_axis(f, r);
     fputs("</svg>\n<p class='key'>", f);
-    for (size_t i = 0; i < count; i++) fprintf(f, "<span style='color:%s'>&#9632;</span> %s &nbsp; ", s[i].colour, s[i].name);
+    for (size_t i = 0; i < count; i++)
+        fprintf(f, "<span style='color:%s'>&#9632;</span> %s &nbsp; ", s[i].colour, s[i].name);
     fputs("</p>\n", f);
 }
 
@@ -214,42 +233,58 @@ static void histogram(FILE *f, const run_record *r) {
         count[bin >= BINS ? BINS - 1 : (int)bin] += 1;
     }
     axis_range a = {0, log10((double)r->count) + 0.1, "ticks"};
-    fprintf(f, "<h2>Latency of the tick</h2>\n<svg class='chart' viewBox='0 0 %d %d'>\n", WIDTH, HEIGHT);
+    fprintf(f, "<h2>Latency of the tick</h2>\n<svg class='chart' viewBox='0 0 %d %d'>\n", WIDTH,
+            HEIGHT);
     for (int k = 0; k <= (int)a.high; k++) {
-        fprintf(f, "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' y='%.1f'>%.0f</text>\n",
+        fprintf(f,
+                "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' "
+                "y='%.1f'>%.0f</text>\n",
                 LEFT, WIDTH - 10, y_of(&a, k), y_of(&a, k), LEFT - 6, y_of(&a, k) + 4, pow(10, k));
     }
     double w = (WIDTH - LEFT - 10.0) / BINS;
     for (int k = 0; k < BINS; k++) {
         double height = count[k] > 0 ? log10(count[k]) + 0.1 : 0;
-        fprintf(f, "<rect class='bar' x='%.1f' width='%.1f' y='%.1f' height='%.1f'/>\n", LEFT + w * k, w - 1.5,
-                y_of(&a, height), y_of(&a, 0) - y_of(&a, height));
+        fprintf(f, "<rect class='bar' x='%.1f' width='%.1f' y='%.1f' height='%.1f'/>\n",
+                LEFT + w * k, w - 1.5, y_of(&a, height), y_of(&a, 0) - y_of(&a, height));
     }
     for (int decade = -1; decade <= 5; decade++) {
-        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%g us</text>\n", LEFT + w * BINS * (decade + 1) / 6.0 + 14,
-                HEIGHT - 10, pow(10, decade));
+        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%g us</text>\n",
+                LEFT + w * BINS * (decade + 1) / 6.0 + 14, HEIGHT - 10, pow(10, decade));
     }
     fputs("</svg>\n", f);
     free(us);
 }
 
 void report_html(FILE *f, const run_record *r) {
-    static const series force[] = {{force_norm, "#222", "norm"}, {force_x, "#c0392b", "x"}, {force_y, "#27853f", "y"},
+    static const series force[] = {{force_norm, "#222", "norm"},
+                                   {force_x, "#c0392b", "x"},
+                                   {force_y, "#27853f", "y"},
                                    {force_z, "#2d6cb5", "z"}};
-    static const series energy[] = {{absorbed, "#8e44ad", "absorbed from the hand"}, {stored, "#d68910", "stored in body and coupling"}};
-    static const series contact[] = {{candidates, "#bbb", "candidates"}, {active, "#2d6cb5", "in contact"}, {level, "#c0392b", "constraint level"}};
+    static const series energy[] = {{absorbed, "#8e44ad", "absorbed from the hand"},
+                                    {stored, "#d68910", "stored in body and coupling"}};
+    static const series contact[] = {{candidates, "#bbb", "candidates"},
+                                     {active, "#2d6cb5", "in contact"},
+                                     {level, "#c0392b", "constraint level"}};
     static const series motion[] = {{tip_z, "#222", "tip height"}};
-    fprintf(f,
-            "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'><title>Palp run</title>\n<style>\n"
-            "body{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:24px auto;padding:0 16px;color:#222;background:#fff}\n"
-            "h1{font-size:24px}h2{font-size:17px;margin:26px 0 4px}.chart{width:100%%;background:#fbfaf8;border:1px solid #e5e1da}\n"
-            ".grid{stroke:#e2ddd4}.tick{font-size:11px;fill:#666;text-anchor:end}.unit{font-size:12px;fill:#444}.bar{fill:#2d6cb5}\n"
-            ".key{margin:2px 0;color:#555;font-size:13px}table{border-collapse:collapse}td{padding:2px 14px 2px 0;vertical-align:top}\n"
-            "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: %s</h1>\n<table>\n",
-            r->blob_name);
+    fprintf(
+        f,
+        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'><title>Palp "
+        "run</title>\n<style>\n"
+        "body{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:24px auto;padding:0 "
+        "16px;color:#222;background:#fff}\n"
+        "h1{font-size:24px}h2{font-size:17px;margin:26px 0 "
+        "4px}.chart{width:100%%;background:#fbfaf8;border:1px solid #e5e1da}\n"
+        ".grid{stroke:#e2ddd4}.tick{font-size:11px;fill:#666;text-anchor:end}.unit{font-size:12px;"
+        "fill:#444}.bar{fill:#2d6cb5}\n"
+        ".key{margin:2px 0;color:#555;font-size:13px}table{border-collapse:collapse}td{padding:2px "
+        "14px 2px 0;vertical-align:top}\n"
+        "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: "
+        "%s</h1>\n<table>\n",
+        r->blob_name);
     summary_lines(f, r, "<tr><td>%s</td><td>%s</td></tr>\n");
     fputs("</table>\n<h2>At the largest force</h2>\n", f);
-    if (r->displacement_m != NULL) view_draw(f, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, WIDTH, 560);
+    if (r->displacement_m != NULL)
+        view_draw(f, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, WIDTH, 560);
     chart(f, r, "Force on the hand", "N", force, 4);
     chart(f, r, "Energy", "mJ", energy, 2);
     histogram(f, r);

@@ -7,8 +7,8 @@
 #include <stdio.h>
 
 typedef struct {
-    palp_report *tick;   /* one per tick */
-    float *late_us;      /* wake-up lateness of each tick; NULL when the run was not paced */
+    palp_report *tick; /* one per tick */
+    float *late_us;    /* wake-up lateness of each tick; NULL when the run was not paced */
     size_t count;
     palp_counters counters;
     uint64_t frames_sent, frames_lost; /* refused by the bus */
@@ -28,7 +28,8 @@ void report_html(FILE *f, const run_record *r);
 const char *report_state(palp_state state);
 void report_faults(uint32_t faults, char *text, size_t size);
 
-/* Smallest of absorbed - 0 over the run: how close the hand came to being given energy (J, device units). */
+/* Smallest of absorbed - 0 over the run: how close the hand came to being given energy (J, device
+ * units). */
 float smallest_energy_margin(const run_record *r);
 
 #endif

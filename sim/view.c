@@ -19,7 +19,8 @@ typedef struct {
 } face;
 
 /* Up is away from the fixed nodes; the eye stands at the tool's side, a little above. */
-static camera look(const palp_blob *b, const float tool_m[3], double radius, int width, int height) {
+static camera look(const palp_blob *b, const float tool_m[3], double radius, int width,
+                   int height) {
     camera c = {.width = width, .height = height};
     double fixed[3] = {0}, all[3] = {0}, n_fixed = 0;
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
@@ -43,7 +44,8 @@ static camera look(const palp_blob *b, const float tool_m[3], double radius, int
     v_cross(c.up, c.toward, c.right);
     v_normalize(c.right);
     /* Half a turn to the side and a little down, so that an indentation is seen in profile. */
-    for (int k = 0; k < 3; k++) c.toward[k] = 0.75 * c.toward[k] + 0.6 * c.right[k] + 0.35 * c.up[k];
+    for (int k = 0; k < 3; k++)
+        c.toward[k] = 0.75 * c.toward[k] + 0.6 * c.right[k] + 0.35 * c.up[k];
     v_normalize(c.toward);
     v_cross(c.up, c.toward, c.right);
     v_normalize(c.right);
@@ -88,11 +90,12 @@ static void colour(double light, double heat, int rgb[3]) {
     }
 }
 
-static uint32_t project_faces(const palp_blob *b, const camera *c, const double (*x)[3], const double *heat,
-                              face *faces) {
+static uint32_t project_faces(const palp_blob *b, const camera *c, const double (*x)[3],
+                              const double *heat, face *faces) {
     double lamp[3];
     uint32_t n = 0;
-    for (int k = 0; k < 3; k++) lamp[k] = 0.45 * c->toward[k] + 0.75 * c->up[k] - 0.45 * c->right[k];
+    for (int k = 0; k < 3; k++)
+        lamp[k] = 0.45 * c->toward[k] + 0.75 * c->up[k] - 0.45 * c->right[k];
     v_normalize(lamp);
     for (uint32_t i = 0; i < b->meta->triangles; i++) {
         const uint32_t *t = b->triangle + 3 * i;
@@ -116,7 +119,8 @@ static uint32_t project_faces(const palp_blob *b, const camera *c, const double 
 static void draw_tool(FILE *f, const camera *c, const double tool[3], double radius) {
     double xy[2];
     (void)project(c, tool, xy);
-    fprintf(f, "<circle cx='%.1f' cy='%.1f' r='%.1f' fill='url(#ball)'/>\n", xy[0], xy[1], c->scale * radius);
+    fprintf(f, "<circle cx='%.1f' cy='%.1f' r='%.1f' fill='url(#ball)'/>\n", xy[0], xy[1],
+            c->scale * radius);
 }
 
 void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, const float tool_m[3],
@@ -142,9 +146,12 @@ void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, cons
     uint32_t count = project_faces(blob, &c, (const double(*)[3])x, heat, faces);
     fprintf(f,
             "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 %d %d' width='%d' height='%d'>\n"
-            "<defs><radialGradient id='ball' cx='35%%' cy='30%%' r='75%%'><stop offset='0' stop-color='#e8f1fb'/>"
-            "<stop offset='0.5' stop-color='#5b8fc7'/><stop offset='1' stop-color='#1d3e63'/></radialGradient></defs>\n"
-            "<rect width='%d' height='%d' fill='#f7f5f2'/>\n<g stroke-width='0.6' stroke-linejoin='round'>\n",
+            "<defs><radialGradient id='ball' cx='35%%' cy='30%%' r='75%%'><stop offset='0' "
+            "stop-color='#e8f1fb'/>"
+            "<stop offset='0.5' stop-color='#5b8fc7'/><stop offset='1' "
+            "stop-color='#1d3e63'/></radialGradient></defs>\n"
+            "<rect width='%d' height='%d' fill='#f7f5f2'/>\n<g stroke-width='0.6' "
+            "stroke-linejoin='round'>\n",
             width, height, width, height, width, height);
     double tool_xy[2];
     double tool_depth = project(&c, tool, tool_xy);
@@ -157,8 +164,9 @@ void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, cons
         }
         char hex[8];
         snprintf(hex, sizeof hex, "#%02x%02x%02x", t->rgb[0], t->rgb[1], t->rgb[2]);
-        fprintf(f, "<path d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz' fill='%s' stroke='%s'/>\n", t->xy[0][0], t->xy[0][1],
-                t->xy[1][0], t->xy[1][1], t->xy[2][0], t->xy[2][1], hex, hex);
+        fprintf(f, "<path d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz' fill='%s' stroke='%s'/>\n",
+                t->xy[0][0], t->xy[0][1], t->xy[1][0], t->xy[1][1], t->xy[2][0], t->xy[2][1], hex,
+                hex);
     }
     if (!drawn) draw_tool(f, &c, tool, (double)tool_radius_m);
     fputs("</g>\n</svg>\n", f);

@@ -5,19 +5,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-static mesh from_arrays(const double (*x)[3], uint32_t vertices, const uint32_t (*t)[3], uint32_t triangles) {
-    const mesh borrowed = {.vertices = vertices, .triangles = triangles, .x = (double(*)[3])(uintptr_t)x,
+static mesh from_arrays(const double (*x)[3], uint32_t vertices, const uint32_t (*t)[3],
+                        uint32_t triangles) {
+    const mesh borrowed = {.vertices = vertices,
+                           .triangles = triangles,
+                           .x = (double(*)[3])(uintptr_t)x,
                            .t = (uint32_t(*)[3])(uintptr_t)t};
     return mesh_copy(&borrowed);
 }
 
 mesh model_sphere(uint32_t levels) {
     const double g = 1.6180339887498949;
-    const double x[12][3] = {{-1, g, 0}, {1, g, 0}, {-1, -g, 0}, {1, -g, 0}, {0, -1, g}, {0, 1, g},
-                             {0, -1, -g}, {0, 1, -g}, {g, 0, -1}, {g, 0, 1}, {-g, 0, -1}, {-g, 0, 1}};
-    const uint32_t t[20][3] = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-                               {11, 10, 2}, {10, 7, 6}, {7, 1, 8}, {3, 9, 4},  {3, 4, 2},  {3, 2, 6}, {3, 6, 8},
-                               {3, 8, 9},  {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7}, {9, 8, 1}};
+    const double x[12][3] = {{-1, g, 0}, {1, g, 0}, {-1, -g, 0}, {1, -g, 0},
+                             {0, -1, g}, {0, 1, g}, {0, -1, -g}, {0, 1, -g},
+                             {g, 0, -1}, {g, 0, 1}, {-g, 0, -1}, {-g, 0, 1}};
+    const uint32_t t[20][3] = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                               {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                               {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                               {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
     mesh m = from_arrays(x, 12, t, 20);
     for (uint32_t l = 0; l <= levels; l++) {
         if (l > 0) {
@@ -30,8 +35,10 @@ mesh model_sphere(uint32_t levels) {
     return m;
 }
 
-/* Number of the lattice point (i, j, k) among those on the surface, by search; boxes in tests are small. */
-static uint32_t lattice_vertex(mesh *m, uint32_t *known, uint32_t n, uint32_t i, uint32_t j, uint32_t k, double step) {
+/* Number of the lattice point (i, j, k) among those on the surface, by search; boxes in tests are
+ * small. */
+static uint32_t lattice_vertex(mesh *m, uint32_t *known, uint32_t n, uint32_t i, uint32_t j,
+                               uint32_t k, double step) {
     uint32_t *slot = &known[(k * (n + 1) + j) * (n + 1) + i];
     if (*slot == 0) {
         m->x[m->vertices][0] = i * step;
@@ -43,7 +50,8 @@ static uint32_t lattice_vertex(mesh *m, uint32_t *known, uint32_t n, uint32_t i,
 }
 
 mesh model_box(double size, uint32_t n) {
-    mesh m = {.x = allocate(6 * (n + 1) * (n + 1), sizeof *m.x), .t = allocate(12 * n * n, sizeof *m.t)};
+    mesh m = {.x = allocate(6 * (n + 1) * (n + 1), sizeof *m.x),
+              .t = allocate(12 * n * n, sizeof *m.t)};
     uint32_t *known = allocate((n + 1) * (n + 1) * (n + 1), sizeof *known);
     for (uint32_t side = 0; side < 6; side++) {
         for (uint32_t square = 0; square < n * n; square++) {
@@ -56,7 +64,8 @@ mesh model_box(double size, uint32_t n) {
                 p[(side + 2) % 3] = side < 3 ? u : v;
                 corner[c] = lattice_vertex(&m, known, n, p[0], p[1], p[2], size / n);
             }
-            const uint32_t two[2][3] = {{corner[0], corner[1], corner[2]}, {corner[0], corner[2], corner[3]}};
+            const uint32_t two[2][3] = {{corner[0], corner[1], corner[2]},
+                                        {corner[0], corner[2], corner[3]}};
             memcpy(m.t + m.triangles, two, sizeof two);
             m.triangles += 2;
         }
@@ -88,11 +97,17 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
         columns[r][c] = columns_build(&b.g, &domain[r], &domain[c], r, c, b.area, epsilon, half);
         content.columns[r][c] = &columns[r][c];
     }
-    content.meta = (palp_meta){.flags = PALP_META_LIFTED | (raw ? 0 : PALP_META_SYMMETRIC) | PALP_META_GRAVITY |
-                                        PALP_META_FIXED_COLUMNS | PALP_META_REACTIONS | (half ? PALP_META_HALF : 0),
-                               .free_blocks = columns[0][0].blocks, .max_groups = columns[0][0].max_groups,
-                               .young_Pa = 1e4f, .poisson = 0.4f, .density_kg_m3 = 1000, .epsilon = (float)epsilon,
-                               .rms_error = (float)columns[0][0].rms, .max_error = (float)columns[0][0].max};
+    content.meta = (palp_meta){.flags = PALP_META_LIFTED | (raw ? 0 : PALP_META_SYMMETRIC) |
+                                        PALP_META_GRAVITY | PALP_META_FIXED_COLUMNS |
+                                        PALP_META_REACTIONS | (half ? PALP_META_HALF : 0),
+                               .free_blocks = columns[0][0].blocks,
+                               .max_groups = columns[0][0].max_groups,
+                               .young_Pa = 1e4f,
+                               .poisson = 0.4f,
+                               .density_kg_m3 = 1000,
+                               .epsilon = (float)epsilon,
+                               .rms_error = (float)columns[0][0].rms,
+                               .max_error = (float)columns[0][0].max};
     b.bytes = blob_serialize(&content, &b.size);
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));

@@ -10,24 +10,24 @@
 
 static int tap_count, tap_failed;
 
-#define CHECK(condition, ...)                                                                               \
-    do {                                                                                                    \
-        bool tap_ok = (condition);                                                                          \
-        tap_failed += tap_ok ? 0 : 1;                                                                       \
-        printf("%sok %d - ", tap_ok ? "" : "not ", ++tap_count);                                            \
-        printf(__VA_ARGS__);                                                                                \
-        printf("\n");                                                                                       \
+#define CHECK(condition, ...)                                                                      \
+    do {                                                                                           \
+        bool tap_ok = (condition);                                                                 \
+        tap_failed += tap_ok ? 0 : 1;                                                              \
+        printf("%sok %d - ", tap_ok ? "" : "not ", ++tap_count);                                   \
+        printf(__VA_ARGS__);                                                                       \
+        printf("\n");                                                                              \
     } while (0)
 
 /* Passes when 0 <= value <= limit; prints both. */
-#define AT_MOST(value, limit, ...)                                                                          \
-    do {                                                                                                    \
-        double tap_value = (value), tap_limit = (limit);                                                    \
-        bool tap_ok = tap_value <= tap_limit && tap_value >= 0;                                             \
-        tap_failed += tap_ok ? 0 : 1;                                                                       \
-        printf("%sok %d - ", tap_ok ? "" : "not ", ++tap_count);                                            \
-        printf(__VA_ARGS__);                                                                                \
-        printf(": %.3g (at most %.3g)\n", tap_value, tap_limit);                                            \
+#define AT_MOST(value, limit, ...)                                                                 \
+    do {                                                                                           \
+        double tap_value = (value), tap_limit = (limit);                                           \
+        bool tap_ok = tap_value <= tap_limit && tap_value >= 0;                                    \
+        tap_failed += tap_ok ? 0 : 1;                                                              \
+        printf("%sok %d - ", tap_ok ? "" : "not ", ++tap_count);                                   \
+        printf(__VA_ARGS__);                                                                       \
+        printf(": %.3g (at most %.3g)\n", tap_value, tap_limit);                                   \
     } while (0)
 
 static inline int tap_done(void) {

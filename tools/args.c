@@ -12,8 +12,8 @@ static const option *find_option(const option *table, const char *name) {
     return NULL;
 }
 
-void args_parse(int argc, char **argv, const option *table, const char *help, argument_handler handle,
-                void *context) {
+void args_parse(int argc, char **argv, const option *table, const char *help,
+                argument_handler handle, void *context) {
     for (int i = 1; i < argc; i++) {
         argument a = {.where = argv[i]};
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
@@ -39,7 +39,8 @@ static void parse_line(const char *path, size_t number, char *line, const option
                        argument_handler handle, void *context) {
     char *word[MAX_OPTION_VALUES + 2];
     int words = 0;
-    for (char *w = strtok(line, " \t\r"); w != NULL && words < MAX_OPTION_VALUES + 2; w = strtok(NULL, " \t\r")) {
+    for (char *w = strtok(line, " \t\r"); w != NULL && words < MAX_OPTION_VALUES + 2;
+         w = strtok(NULL, " \t\r")) {
         if (w[0] == '#') break;
         word[words++] = w;
     }
@@ -55,8 +56,8 @@ static void parse_line(const char *path, size_t number, char *line, const option
     handle(context, &a);
 }
 
-void args_parse_text(const char *name, const char *text, const option *table, argument_handler handle,
-                     void *context) {
+void args_parse_text(const char *name, const char *text, const option *table,
+                     argument_handler handle, void *context) {
     char *copy = copy_string(text);
     size_t number = 0;
     for (char *line = copy; line != NULL;) {
@@ -68,7 +69,8 @@ void args_parse_text(const char *name, const char *text, const option *table, ar
     free(copy);
 }
 
-void args_parse_file(const char *path, const option *table, argument_handler handle, void *context) {
+void args_parse_file(const char *path, const option *table, argument_handler handle,
+                     void *context) {
     size_t bytes;
     char *text = read_file(path, &bytes);
     args_parse_text(path, text, table, handle, context);
@@ -86,7 +88,8 @@ double arg_double(const argument *a, int index) {
 double arg_between(const argument *a, double low, double high) {
     double v = arg_double(a, 0);
     if (!(v > low && v < high)) {
-        die(EXIT_USAGE, "%s: %s is out of range: need %g < value < %g", a->where, a->value[0], low, high);
+        die(EXIT_USAGE, "%s: %s is out of range: need %g < value < %g", a->where, a->value[0], low,
+            high);
     }
     return v;
 }
@@ -102,7 +105,8 @@ uint32_t arg_u32(const argument *a, int index, uint32_t low, uint32_t high) {
 
 int arg_axis(const argument *a, int index) {
     const char *v = a->value[index];
-    if (v[0] < 'x' || v[0] > 'z' || v[1] != '\0') die(EXIT_USAGE, "%s: axis '%s' is not x, y or z", a->where, v);
+    if (v[0] < 'x' || v[0] > 'z' || v[1] != '\0')
+        die(EXIT_USAGE, "%s: axis '%s' is not x, y or z", a->where, v);
     return v[0] - 'x';
 }
 

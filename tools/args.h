@@ -25,14 +25,15 @@ typedef void (*argument_handler)(void *context, const argument *a);
  * Calls `handle` for each option and positional word in order. --help prints `help` and exits 0; an
  * unknown option or a missing value exits 2.
  */
-void args_parse(int argc, char **argv, const option *table, const char *help, argument_handler handle,
-                void *context);
+void args_parse(int argc, char **argv, const option *table, const char *help,
+                argument_handler handle, void *context);
 
-/* The same for a file of lines `key value...` with the option names without dashes; '#' starts a comment. */
+/* The same for a file of lines `key value...` with the option names without dashes; '#' starts a
+ * comment. */
 void args_parse_file(const char *path, const option *table, argument_handler handle, void *context);
 /* The same for text already in memory; `name` is what messages call it. */
-void args_parse_text(const char *name, const char *text, const option *table, argument_handler handle,
-                     void *context);
+void args_parse_text(const char *name, const char *text, const option *table,
+                     argument_handler handle, void *context);
 
 /* Values checked; each exits 2 with the option named. arg_between excludes both bounds. */
 double arg_double(const argument *a, int index);

@@ -13,7 +13,8 @@
 #include <unistd.h>
 
 static const char help[] =
-    "usage: palp bake IN.(obj|stl|ply|model) -o OUT.palp --young PA --poisson NU --fix-... [OPTIONS]\n"
+    "usage: palp bake IN.(obj|stl|ply|model) -o OUT.palp --young PA --poisson NU --fix-... "
+    "[OPTIONS]\n"
     "\n"
     "Computes the Green's functions of an elastic body held at its fixed nodes and writes them,\n"
     "wavelet-compressed, as a blob.\n"
@@ -21,7 +22,8 @@ static const char help[] =
     "  -o OUT.palp             the blob\n"
     "  --levels N              remesh to N refinements of a coarse base first (default 3)\n"
     "  --as-is                 use the mesh exactly as given\n"
-    "  --loop N                refine a control mesh by N steps of Loop's scheme instead of remeshing\n"
+    "  --loop N                refine a control mesh by N steps of Loop's scheme instead of "
+    "remeshing\n"
     "  --young PA              Young's modulus\n"
     "  --poisson NU            Poisson's ratio, -1 < NU < 0.5\n"
     "  --density KG/M3         default 1000\n"
@@ -37,13 +39,17 @@ static const char help[] =
     "  --save-mesh OUT.obj     write the mesh that is baked\n"
     "  --threads N             default: all processors\n"
     "\n"
-    "IN.model holds the same keys, one per line without dashes, and 'mesh FILE' relative to itself.\n";
+    "IN.model holds the same keys, one per line without dashes, and 'mesh FILE' relative to "
+    "itself.\n";
 
 static const option options[] = {
-    {"-o", 1},          {"--mesh", 1},     {"--levels", 1},      {"--as-is", 0},   {"--loop", 1},   {"--young", 1},
-    {"--poisson", 1},   {"--density", 1},  {"--fix-below", 2},   {"--fix-above", 2}, {"--fix-box", 6},
-    {"--fix-nodes", 1}, {"--wavelet", 1},  {"--unlifted", 0},    {"--epsilon", 1}, {"--storage", 1},
-    {"--reciprocity", 1}, {"--compliance", 1}, {"--save-mesh", 1}, {"--threads", 1}, {NULL, 0},
+    {"-o", 1},          {"--mesh", 1},        {"--levels", 1},
+    {"--as-is", 0},     {"--loop", 1},        {"--young", 1},
+    {"--poisson", 1},   {"--density", 1},     {"--fix-below", 2},
+    {"--fix-above", 2}, {"--fix-box", 6},     {"--fix-nodes", 1},
+    {"--wavelet", 1},   {"--unlifted", 0},    {"--epsilon", 1},
+    {"--storage", 1},   {"--reciprocity", 1}, {"--compliance", 1},
+    {"--save-mesh", 1}, {"--threads", 1},     {NULL, 0},
 };
 
 #define MAX_FIXES 64
@@ -147,7 +153,8 @@ static void set_option(void *context, const argument *a) {
 
 /* The command line; when it names a model file, that file first and the command line over it. */
 static bake_spec read_spec(int argc, char **argv) {
-    const bake_spec defaults = {.levels = 3, .poisson = (double)NAN, .density = 1000, .epsilon = 0.05};
+    const bake_spec defaults = {
+        .levels = 3, .poisson = (double)NAN, .density = 1000, .epsilon = 0.05};
     bake_spec s = defaults;
     args_parse(argc, argv, options, help, set_option, &s);
     const char *input = s.input;
@@ -173,8 +180,10 @@ static void require_complete(const bake_spec *s) {
     if (s->output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
     if (!(s->young_Pa > 0)) die(EXIT_USAGE, "no stiffness: add --young PA");
     if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
-    if (s->fix_count == 0) die(EXIT_USAGE, "no fixed node: add --fix-below, --fix-above, --fix-box or --fix-nodes");
-    if (s->as_is && s->levels_given) die(EXIT_USAGE, "--levels remeshes: leave it out with --as-is or --loop");
+    if (s->fix_count == 0)
+        die(EXIT_USAGE, "no fixed node: add --fix-below, --fix-above, --fix-box or --fix-nodes");
+    if (s->as_is && s->levels_given)
+        die(EXIT_USAGE, "--levels remeshes: leave it out with --as-is or --loop");
 }
 
 /* ---- fixed nodes ---- */
@@ -193,7 +202,8 @@ static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
         uint32_t node;
         if (*p != '\0') {
             if (!parse_u32(p, &node) || node >= nodes) {
-                die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, f->file, line, p, nodes - 1);
+                die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, f->file, line, p,
+                    nodes - 1);
             }
             fixed[node] = 1;
         }
@@ -206,7 +216,8 @@ static bool selects(const fix *f, const double x[3]) {
     if (f->kind == FIX_BELOW) return x[f->axis] <= f->value[0];
     if (f->kind == FIX_ABOVE) return x[f->axis] >= f->value[0];
     for (int k = 0; k < 3; k++) {
-        if (x[k] < fmin(f->value[k], f->value[k + 3]) || x[k] > fmax(f->value[k], f->value[k + 3])) return false;
+        if (x[k] < fmin(f->value[k], f->value[k + 3]) || x[k] > fmax(f->value[k], f->value[k + 3]))
+            return false;
     }
     return true;
 }
@@ -253,12 +264,14 @@ static uint8_t *choose_fixed(const bake_spec *s, const mesh *m) {
         }
     }
     if (count == 0) {
-        die(EXIT_WORK, "no node is fixed: the mesh spans x %g..%g, y %g..%g, z %g..%g", lo[0], hi[0], lo[1],
-            hi[1], lo[2], hi[2]);
+        die(EXIT_WORK, "no node is fixed: the mesh spans x %g..%g, y %g..%g, z %g..%g", lo[0],
+            hi[0], lo[1], hi[1], lo[2], hi[2]);
     }
-    if (count == m->vertices) die(EXIT_WORK, "all %" PRIu32 " nodes are fixed: nothing is left to touch", count);
+    if (count == m->vertices)
+        die(EXIT_WORK, "all %" PRIu32 " nodes are fixed: nothing is left to touch", count);
     if (collinear(m, fixed)) {
-        die(EXIT_WORK, "the %" PRIu32 " fixed node(s) lie on one line, so the body could turn: fix more nodes",
+        die(EXIT_WORK,
+            "the %" PRIu32 " fixed node(s) lie on one line, so the body could turn: fix more nodes",
             count);
     }
     return fixed;
@@ -280,13 +293,15 @@ static mesh prepare_mesh(const bake_spec *s) {
         m = finer;
     }
     if (m.vertices > PALP_MAX_NODES) {
-        die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels", s->mesh_path,
-            m.vertices, PALP_MAX_NODES);
+        die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels",
+            s->mesh_path, m.vertices, PALP_MAX_NODES);
     }
     double need = 2 * 72.0 * m.vertices * m.vertices * 1.05;
     double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
     if (need > have) {
-        die(EXIT_WORK, "%s: %" PRIu32 " vertices need %.1f GB of memory, this machine has %.1f GB: use --levels",
+        die(EXIT_WORK,
+            "%s: %" PRIu32
+            " vertices need %.1f GB of memory, this machine has %.1f GB: use --levels",
             s->mesh_path, m.vertices, need * 1e-9, have * 1e-9);
     }
     return m;
@@ -298,7 +313,8 @@ static void stiffness_range(const greens *g, double (*normal)[3], palp_meta *met
         if (g->fixed[i] != 0) continue;
         double compliance = 0;
         for (size_t a = 0; a < 3; a++) {
-            for (size_t b = 0; b < 3; b++) compliance += normal[i][a] * greens_row(g, i, a)[3 * i + b] * normal[i][b];
+            for (size_t b = 0; b < 3; b++)
+                compliance += normal[i][a] * greens_row(g, i, a)[3 * i + b] * normal[i][b];
         }
         low = fmin(low, 1 / compliance);
         high = fmax(high, 1 / compliance);
@@ -309,13 +325,15 @@ static void stiffness_range(const greens *g, double (*normal)[3], palp_meta *met
 
 static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *fixed) {
     if (s->compliance != NULL) return greens_from_npy(s->compliance, m, fixed);
-    bem_material material = {.young_Pa = s->young_Pa, .poisson = s->poisson, .tolerance = BEM_TOLERANCE};
+    bem_material material = {
+        .young_Pa = s->young_Pa, .poisson = s->poisson, .tolerance = BEM_TOLERANCE};
     return greens_from_bem(m, fixed, &material, s->density);
 }
 
 static void report(const palp_meta *m, size_t bytes, double seconds) {
     double free_nodes = m->domain_nodes[PALP_FREE];
-    printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32 " level(s)\n",
+    printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
+           " level(s)\n",
            m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->levels);
     printf("reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
            (m->flags & PALP_META_SYMMETRIC) != 0 ? ", enforced" : ", kept (raw)");
@@ -323,8 +341,8 @@ static void report(const palp_meta *m, size_t bytes, double seconds) {
         printf("equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     }
     printf("compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
-           free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon, (double)m->rms_error,
-           (double)m->max_error);
+           free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon,
+           (double)m->rms_error, (double)m->max_error);
     printf("node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
            (double)m->stiffness_max_N_per_m);
     printf("blob                  %zu bytes\n", bytes);
@@ -357,7 +375,8 @@ int command_bake(int argc, char **argv) {
     for (uint32_t r = 0; r < PALP_DOMAINS; r++) {
         for (uint32_t c = 0; c < PALP_DOMAINS; c++) {
             if ((r != PALP_FREE || c != PALP_FREE) && !g.reactions) continue;
-            columns[r][c] = columns_build(&g, &domain[r], &domain[c], r, c, area, s.epsilon, s.half);
+            columns[r][c] =
+                columns_build(&g, &domain[r], &domain[c], r, c, area, s.epsilon, s.half);
             content.columns[r][c] = &columns[r][c];
         }
     }
@@ -366,9 +385,14 @@ int command_bake(int argc, char **argv) {
         .flags = (s.unlifted ? 0 : PALP_META_LIFTED) | (s.raw ? 0 : PALP_META_SYMMETRIC) |
                  (g.gravity ? PALP_META_GRAVITY : 0) | (s.half ? PALP_META_HALF : 0) |
                  (g.reactions ? PALP_META_FIXED_COLUMNS | PALP_META_REACTIONS : 0),
-        .free_blocks = main_block->blocks, .max_groups = main_block->max_groups,
-        .young_Pa = (float)s.young_Pa, .poisson = (float)s.poisson, .density_kg_m3 = (float)s.density,
-        .epsilon = (float)s.epsilon, .rms_error = (float)main_block->rms, .max_error = (float)main_block->max,
+        .free_blocks = main_block->blocks,
+        .max_groups = main_block->max_groups,
+        .young_Pa = (float)s.young_Pa,
+        .poisson = (float)s.poisson,
+        .density_kg_m3 = (float)s.density,
+        .epsilon = (float)s.epsilon,
+        .rms_error = (float)main_block->rms,
+        .max_error = (float)main_block->max,
         .reciprocity_residual = (float)g.reciprocity_residual,
         .equilibrium_residual = (float)g.equilibrium_residual};
     stiffness_range(&g, normal, &content.meta);
@@ -379,7 +403,8 @@ int command_bake(int argc, char **argv) {
     uint8_t *blob = blob_serialize(&content, &bytes);
     palp_blob check;
     palp_status status = palp_blob_open(&check, blob, bytes);
-    if (status != PALP_OK) die(EXIT_WORK, "the finished blob does not open: %s", palp_status_text(status));
+    if (status != PALP_OK)
+        die(EXIT_WORK, "the finished blob does not open: %s", palp_status_text(status));
     if (fwrite(blob, 1, bytes, out.file) != bytes) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
     report(&content.meta, bytes, now_s() - start);

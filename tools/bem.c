@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define PI 3.14159265358979323846
-#define MAX_ORDER 12    /* points per direction before a triangle is split */
+#define MAX_ORDER 12 /* points per direction before a triangle is split */
 #define SINGULAR_ORDER 16
 #define MAX_SPLITS 12
 
@@ -81,14 +81,15 @@ typedef struct {
 } element;
 
 /* Adds one quadrature point; phi are the hats at y, `weight` carries the Jacobian. */
-static void add_point(hat_moments moments[3], const double x[3], const double y[3], const double normal[3],
-                      const double phi[3], double weight) {
+static void add_point(hat_moments moments[3], const double x[3], const double y[3],
+                      const double normal[3], const double phi[3], double weight) {
     double d[3];
     v_sub(y, x, d);
     double inverse = 1 / sqrt(v_dot(d, d));
     double r[3] = {d[0] * inverse, d[1] * inverse, d[2] * inverse};
     double slope = v_dot(r, normal);
-    double product[6] = {r[0] * r[0], r[1] * r[1], r[2] * r[2], r[1] * r[2], r[0] * r[2], r[0] * r[1]};
+    double product[6] = {r[0] * r[0], r[1] * r[1], r[2] * r[2],
+                         r[1] * r[2], r[0] * r[2], r[0] * r[1]};
     double weak = weight * inverse;
     double strong = weak * inverse;
     for (int k = 0; k < 3; k++) {
@@ -130,8 +131,8 @@ static double distance_to_triangle(const double x[3], double c[3][3], const doub
 }
 
 /*
- * Points per direction for a kernel whose nearest singularity is `ratio` half-lengths away: Gauss' rule
- * converges like rho^(-2n) with rho the Bernstein ellipse through it.
+ * Points per direction for a kernel whose nearest singularity is `ratio` half-lengths away: Gauss'
+ * rule converges like rho^(-2n) with rho the Bernstein ellipse through it.
  */
 static uint32_t order_for(double ratio, double tolerance) {
     double rho = ratio + sqrt(1 + ratio * ratio);
@@ -143,7 +144,8 @@ static double longest_edge(double c[3][3]) {
     return fmax(v_distance(c[0], c[1]), fmax(v_distance(c[1], c[2]), v_distance(c[2], c[0])));
 }
 
-/* Integrates over the sub-triangle with the given barycentric corners, split until the order suffices. */
+/* Integrates over the sub-triangle with the given barycentric corners, split until the order
+ * suffices. */
 static void integrate_regular(hat_moments moments[3], const element *e, const double x[3],
                               double corner[3][3], double scale, double tolerance, int depth) {
     double c[3][3] = {{0}};
@@ -157,7 +159,8 @@ static void integrate_regular(hat_moments moments[3], const element *e, const do
     if (order > MAX_ORDER && depth < MAX_SPLITS) {
         double mid[3][3];
         for (int i = 0; i < 3; i++) {
-            for (int k = 0; k < 3; k++) mid[i][k] = 0.5 * (corner[(i + 1) % 3][k] + corner[(i + 2) % 3][k]);
+            for (int k = 0; k < 3; k++)
+                mid[i][k] = 0.5 * (corner[(i + 1) % 3][k] + corner[(i + 2) % 3][k]);
         }
         for (int i = 0; i < 3; i++) {
             double child[3][3];
@@ -183,12 +186,13 @@ static void integrate_regular(hat_moments moments[3], const element *e, const do
 }
 
 /*
- * The collocation point is corner 0. In y = x + s (a + t (b - a)) the Jacobian cancels the singularity; the
- * integrand is linear in s for U and, for the two hats that vanish at x, constant in s for T. The angular
- * interval [t0, t1] is split until its order suffices. T against the hat of x itself is left to the row sum.
+ * The collocation point is corner 0. In y = x + s (a + t (b - a)) the Jacobian cancels the
+ * singularity; the integrand is linear in s for U and, for the two hats that vanish at x, constant
+ * in s for T. The angular interval [t0, t1] is split until its order suffices. T against the hat of
+ * x itself is left to the row sum.
  */
-static void integrate_singular(hat_moments moments[3], const element *e, int self, double t0, double t1,
-                               double tolerance, int depth) {
+static void integrate_singular(hat_moments moments[3], const element *e, int self, double t0,
+                               double t1, double tolerance, int depth) {
     const double *x = e->corner[self];
     const double *a = e->corner[(self + 1) % 3];
     const double *b = e->corner[(self + 2) % 3];
@@ -213,7 +217,8 @@ static void integrate_singular(hat_moments moments[3], const element *e, int sel
             phi[self] = 1 - s;
             phi[(self + 1) % 3] = s * (1 - t);
             phi[(self + 2) % 3] = s * t;
-            for (int axis = 0; axis < 3; axis++) y[axis] = x[axis] + s * (a[axis] + t * (b[axis] - a[axis]) - x[axis]);
+            for (int axis = 0; axis < 3; axis++)
+                y[axis] = x[axis] + s * (a[axis] + t * (b[axis] - a[axis]) - x[axis]);
             add_point(moments, x, y, e->normal, phi, e->area * s * (t1 - t0) * rules.weight[k]);
         }
     }
@@ -236,8 +241,8 @@ typedef struct {
 static const int symmetric_index[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 
 /* Kelvin's U and T from the moments (Brebbia, Telles and Wrobel 1984). */
-static void blocks_from_moments(const hat_moments *m, const double normal[3], double poisson, double shear,
-                                double u[3][3], double t[3][3]) {
+static void blocks_from_moments(const hat_moments *m, const double normal[3], double poisson,
+                                double shear, double u[3][3], double t[3][3]) {
     double u_factor = 1 / (16 * PI * shear * (1 - poisson));
     double t_factor = -1 / (8 * PI * (1 - poisson));
     for (int i = 0; i < 3; i++) {
@@ -258,12 +263,14 @@ static void add_block(double *matrix, size_t stride, size_t row, size_t column, 
     }
 }
 
-static void add_traction(const bem_traction *p, size_t node, const double y[3], const element *e, double u[3][3]) {
+static void add_traction(const bem_traction *p, size_t node, const double y[3], const element *e,
+                         double u[3][3]) {
     double t[3 * BEM_MAX_TRACTIONS];
     p->at(p->context, y, e->normal, t);
     for (size_t i = 0; i < 3; i++) {
         for (size_t c = 0; c < p->columns; c++) {
-            double sum = u[i][0] * t[c] + u[i][1] * t[p->columns + c] + u[i][2] * t[2 * p->columns + c];
+            double sum =
+                u[i][0] * t[c] + u[i][1] * t[p->columns + c] + u[i][2] * t[2 * p->columns + c];
             p->result[(3 * node + i) * p->columns + c] += sum;
         }
     }
@@ -310,8 +317,8 @@ static void assemble_node(void *context, size_t node) {
     progress_add(1);
 }
 
-void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride, double *g,
-                  size_t g_stride, const bem_traction *traction) {
+void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride,
+                  double *g, size_t g_stride, const bem_traction *traction) {
     prepare_rules();
     element *elements = allocate(m->triangles, sizeof *elements);
     for (uint32_t i = 0; i < m->triangles; i++) {
@@ -321,10 +328,17 @@ void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t
         e->area = 0.5 * v_norm(e->normal);
         v_normalize(e->normal);
     }
-    assembly a = {.m = m, .material = material, .elements = elements, .h = h, .g = g,
-                  .h_stride = h_stride, .g_stride = g_stride, .traction = traction};
+    assembly a = {.m = m,
+                  .material = material,
+                  .elements = elements,
+                  .h = h,
+                  .g = g,
+                  .h_stride = h_stride,
+                  .g_stride = g_stride,
+                  .traction = traction};
     if (traction != NULL) {
-        memset(traction->result, 0, 3 * (size_t)m->vertices * traction->columns * sizeof *traction->result);
+        memset(traction->result, 0,
+               3 * (size_t)m->vertices * traction->columns * sizeof *traction->result);
     }
     progress_begin("boundary integrals", m->vertices);
     parallel_for(m->vertices, assemble_node, &a);

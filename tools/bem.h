@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Boundary element matrices of linear elastostatics: linear triangles, nodal collocation, Kelvin's solution.
+ * Boundary element matrices of linear elastostatics: linear triangles, nodal collocation, Kelvin's
+ * solution.
  *
  *     H u = G p,   H_ij = c_ij + int T(x_i, y) phi_j(y) dy,   G_ij = int U(x_i, y) phi_j(y) dy
  *
- * with u and p one 3-vector per vertex. Row-major with the given strides, 3n x 3n. The free term c and the strongly singular part
- * of H_ii come from the row sum: a translation has no traction, so the block rows of H sum to zero.
+ * with u and p one 3-vector per vertex. Row-major with the given strides, 3n x 3n. The free term c
+ * and the strongly singular part of H_ii come from the row sum: a translation has no traction, so
+ * the block rows of H sum to zero.
  */
 #ifndef PALP_TOOLS_BEM_H
 #define PALP_TOOLS_BEM_H
@@ -20,8 +22,9 @@ typedef struct {
 #define BEM_TOLERANCE 1e-6
 
 /*
- * Known tractions that jump from triangle to triangle: fields that are linear on each triangle, given at
- * position y on a triangle with unit normal n as t[3][columns]. Hats of vertices with mask == 0 are left out.
+ * Known tractions that jump from triangle to triangle: fields that are linear on each triangle,
+ * given at position y on a triangle with unit normal n as t[3][columns]. Hats of vertices with mask
+ * == 0 are left out.
  */
 typedef struct {
     uint32_t columns;
@@ -34,8 +37,8 @@ typedef struct {
 #define BEM_MAX_TRACTIONS 16
 
 /* Fills H, G and, unless it is NULL, traction->result. */
-void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride, double *g,
-                  size_t g_stride, const bem_traction *traction);
+void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride,
+                  double *g, size_t g_stride, const bem_traction *traction);
 
 /* Nodes and weights of the n-point Gauss-Legendre rule on [0, 1], n <= 32. */
 void gauss_legendre(uint32_t n, double *node, double *weight);

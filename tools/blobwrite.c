@@ -14,7 +14,8 @@ typedef struct {
     uint32_t count;
 } section_list;
 
-static void add(section_list *l, uint32_t type, const void *data, uint64_t count, size_t element_bytes) {
+static void add(section_list *l, uint32_t type, const void *data, uint64_t count,
+                size_t element_bytes) {
     l->data[l->count] = data;
     l->entry[l->count++] =
         (palp_blob_entry){.type = type, .element_bytes = (uint32_t)element_bytes, .count = count};
@@ -34,12 +35,14 @@ static uint32_t clamp_cell(double x, uint32_t cells) {
 static void build_grid(const mesh *m, palp_meta *meta, uint32_t **offset, uint32_t **node) {
     double size = 2 * (double)meta->mean_edge_m;
     double extent = 0;
-    for (int k = 0; k < 3; k++) extent = fmax(extent, (double)meta->box_max_m[k] - (double)meta->box_min_m[k]);
+    for (int k = 0; k < 3; k++)
+        extent = fmax(extent, (double)meta->box_max_m[k] - (double)meta->box_min_m[k]);
     if (size < extent / 64) size = extent / 64;
     meta->cell_size_m = (float)size;
     for (int k = 0; k < 3; k++) {
         meta->cell_origin_m[k] = meta->box_min_m[k];
-        meta->cells[k] = 1 + (uint32_t)(((double)meta->box_max_m[k] - (double)meta->box_min_m[k]) / size);
+        meta->cells[k] =
+            1 + (uint32_t)(((double)meta->box_max_m[k] - (double)meta->box_min_m[k]) / size);
     }
     size_t cells = (size_t)meta->cells[0] * meta->cells[1] * meta->cells[2];
     uint32_t *cell = allocate(m->vertices, sizeof *cell);
@@ -108,7 +111,9 @@ static void sort_sections(section_list *l) {
     }
 }
 
-static uint64_t align_up(uint64_t x) { return (x + PALP_BLOB_ALIGN - 1) / PALP_BLOB_ALIGN * PALP_BLOB_ALIGN; }
+static uint64_t align_up(uint64_t x) {
+    return (x + PALP_BLOB_ALIGN - 1) / PALP_BLOB_ALIGN * PALP_BLOB_ALIGN;
+}
 
 static uint8_t *lay_out(section_list *l, size_t *bytes) {
     sort_sections(l);
@@ -124,8 +129,11 @@ static uint8_t *lay_out(section_list *l, size_t *bytes) {
         if (size > 0) memcpy(blob + e->offset, l->data[i], size);
         e->crc = palp_crc32c(0, blob + e->offset, align_up(size));
     }
-    palp_blob_header h = {.magic = {'P', 'A', 'L', 'P', 'B', 'L', 'O', 'B'}, .version = PALP_BLOB_VERSION,
-                          .byte_order = PALP_BLOB_BYTE_ORDER, .total_bytes = at, .section_count = l->count};
+    palp_blob_header h = {.magic = {'P', 'A', 'L', 'P', 'B', 'L', 'O', 'B'},
+                          .version = PALP_BLOB_VERSION,
+                          .byte_order = PALP_BLOB_BYTE_ORDER,
+                          .total_bytes = at,
+                          .section_count = l->count};
     uint32_t crc = palp_crc32c(0, &h, sizeof h);
     h.header_crc = palp_crc32c(crc, l->entry, l->count * sizeof(palp_blob_entry));
     memcpy(blob, &h, sizeof h);
@@ -156,7 +164,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
         const domain_data *v = c->domain[d];
         meta->domain_nodes[d] = v->view.slots;
         if (v->max_row > meta->max_row) meta->max_row = v->max_row;
-        for (uint32_t s = 0; s < v->view.slots; s++) slot[v->node[s]] = s | (d == PALP_FIXED ? PALP_FIXED_FLAG : 0);
+        for (uint32_t s = 0; s < v->view.slots; s++)
+            slot[v->node[s]] = s | (d == PALP_FIXED ? PALP_FIXED_FLAG : 0);
     }
     float *rest = to_floats(m->x[0], 3 * (size_t)m->vertices);
     float *normal = to_floats(c->normal[0], 3 * (size_t)m->vertices);
@@ -169,7 +178,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
     add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);
     add(&l, PALP_SEC_RING, ring, ring_offset[m->vertices], 4);
-    add(&l, PALP_SEC_CELL_OFFSET, cell_offset, (uint64_t)meta->cells[0] * meta->cells[1] * meta->cells[2] + 1, 4);
+    add(&l, PALP_SEC_CELL_OFFSET, cell_offset,
+        (uint64_t)meta->cells[0] * meta->cells[1] * meta->cells[2] + 1, 4);
     add(&l, PALP_SEC_CELL_NODE, cell_node, m->vertices, 4);
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) add_domain(&l, d, c->domain[d]);
     for (uint32_t block = 0; block < PALP_DOMAINS * PALP_DOMAINS; block++) {

@@ -52,7 +52,8 @@ static void split(bvh *b, uint32_t node, uint32_t first, uint32_t count) {
     }
     if (count <= LEAF) return;
     double middle = 0;
-    for (uint32_t i = first; i < first + count; i++) middle += center(b->m, b->order[i], axis) / count;
+    for (uint32_t i = first; i < first + count; i++)
+        middle += center(b->m, b->order[i], axis) / count;
     uint32_t left = first;
     for (uint32_t i = first; i < first + count; i++) {
         if (center(b->m, b->order[i], axis) >= middle) continue;
@@ -85,7 +86,8 @@ static void smooth_normals(const mesh *m, double (*normal)[3]) {
         for (uint32_t v = 0; v < m->vertices; v++) v_normalize(at_vertex[v]);
         for (uint32_t i = 0; i < m->triangles; i++) {
             const uint32_t *t = m->t[i];
-            for (int k = 0; k < 3; k++) normal[i][k] = at_vertex[t[0]][k] + at_vertex[t[1]][k] + at_vertex[t[2]][k];
+            for (int k = 0; k < 3; k++)
+                normal[i][k] = at_vertex[t[0]][k] + at_vertex[t[1]][k] + at_vertex[t[2]][k];
             v_normalize(normal[i]);
         }
     }
@@ -123,9 +125,10 @@ static double box_distance2(const box *b, const double x[3]) {
     return sum;
 }
 
-/* Closest point of triangle (a, b, c) to x, by the Voronoi regions of its features (Ericson 2005). */
-static void closest_on_triangle(const double x[3], const double a[3], const double b[3], const double c[3],
-                                double p[3]) {
+/* Closest point of triangle (a, b, c) to x, by the Voronoi regions of its features (Ericson 2005).
+ */
+static void closest_on_triangle(const double x[3], const double a[3], const double b[3],
+                                const double c[3], double p[3]) {
     double ab[3], ac[3], ax[3], bx[3], cx[3];
     v_sub(b, a, ab);
     v_sub(c, a, ac);
@@ -161,8 +164,8 @@ static void closest_on_triangle(const double x[3], const double a[3], const doub
     for (int k = 0; k < 3; k++) p[k] = a[k] + s * ab[k] + t * ac[k];
 }
 
-double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine, double point[3],
-                   double facing[3]) {
+double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
+                   double point[3], double facing[3]) {
     uint32_t stack[128];
     uint32_t found = 0;
     int top = 0;
@@ -172,7 +175,8 @@ double bvh_closest(const bvh *b, const double x[3], const double *normal, double
         const box *n = &b->boxes[stack[--top]];
         if (box_distance2(n, x) >= best) continue;
         if (n->count == 0) {
-            bool left_first = box_distance2(&b->boxes[n->first], x) < box_distance2(&b->boxes[n->first + 1], x);
+            bool left_first =
+                box_distance2(&b->boxes[n->first], x) < box_distance2(&b->boxes[n->first + 1], x);
             stack[top++] = n->first + (left_first ? 1 : 0);
             stack[top++] = n->first + (left_first ? 0 : 1);
             continue;

@@ -6,8 +6,8 @@
 #include "mesh.h"
 
 /*
- * How a triangle faces is taken from vertex normals that are smoothed over a few rings, so that small folds
- * and defects of a scanned surface do not turn it around.
+ * How a triangle faces is taken from vertex normals that are smoothed over a few rings, so that
+ * small folds and defects of a scanned surface do not turn it around.
  */
 typedef struct bvh bvh;
 
@@ -16,11 +16,11 @@ void bvh_free(bvh *b);
 const double *bvh_facing(const bvh *b, uint32_t triangle);
 
 /*
- * The closest point of the surface to x; with `normal` not NULL only triangles whose normal makes a cosine
- * of at least `cosine` with it count. Returns the distance, INFINITY when no triangle qualifies; `facing`
- * (may be NULL) gets the unit normal of the triangle found.
+ * The closest point of the surface to x; with `normal` not NULL only triangles whose normal makes a
+ * cosine of at least `cosine` with it count. Returns the distance, INFINITY when no triangle
+ * qualifies; `facing` (may be NULL) gets the unit normal of the triangle found.
  */
-double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine, double point[3],
-                   double facing[3]);
+double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
+                   double point[3], double facing[3]);
 
 #endif

@@ -11,7 +11,8 @@ int command_bake(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_solve(int argc, char **argv);
 
-/* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay allocated. */
+/* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay
+ * allocated. */
 palp_blob load_blob(const char *path);
 
 #endif

@@ -25,8 +25,10 @@ static void order_slots(domain_data *d, const mesh *m, const semireg *s, const u
     d->level_start[s->levels] = n;
 }
 
-static void predict_weights(domain_data *d, const semireg *s, const uint32_t *slot_of, bool renormalise) {
-    for (uint32_t m = d->level_start[1 % (s->levels + 1)]; s->levels > 1 && m < d->view.slots; m++) {
+static void predict_weights(domain_data *d, const semireg *s, const uint32_t *slot_of,
+                            bool renormalise) {
+    for (uint32_t m = d->level_start[1 % (s->levels + 1)]; s->levels > 1 && m < d->view.slots;
+         m++) {
         const uint32_t *parent = s->parent[d->node[m]];
         bool present[2] = {slot_of[parent[0]] != NO_PARENT, slot_of[parent[1]] != NO_PARENT};
         float weight = renormalise && present[0] != present[1] ? 1.0f : 0.5f;
@@ -37,7 +39,8 @@ static void predict_weights(domain_data *d, const semireg *s, const uint32_t *sl
     }
 }
 
-/* I is carried from fine to coarse with the same predictor, so that each wavelet's integral vanishes. */
+/* I is carried from fine to coarse with the same predictor, so that each wavelet's integral
+ * vanishes. */
 static void update_weights(domain_data *d, const double *area) {
     double *integral = allocate(d->view.slots, sizeof *integral);
     for (uint32_t i = 0; i < d->view.slots; i++) integral[i] = area[d->node[i]];
@@ -52,7 +55,8 @@ static void update_weights(domain_data *d, const double *area) {
             int parents = (d->predict[2 * m] > 0) + (d->predict[2 * m + 1] > 0);
             for (uint32_t k = 0; k < 2; k++) {
                 if (!(d->predict[2 * m + k] > 0)) continue;
-                d->update[2 * m + k] = (float)(integral[m] / (parents * integral[d->parent[2 * m + k]]));
+                d->update[2 * m + k] =
+                    (float)(integral[m] / (parents * integral[d->parent[2 * m + k]]));
             }
         }
     }
@@ -100,7 +104,8 @@ domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, 
     domain_data d = {.view.levels = s->levels};
     uint32_t *slot_of = allocate(m->vertices, sizeof *slot_of);
     memset(slot_of, 0xff, m->vertices * sizeof *slot_of);
-    for (uint32_t i = 0; i < m->vertices; i++) d.view.slots += (fixed[i] != 0) == (which == PALP_FIXED);
+    for (uint32_t i = 0; i < m->vertices; i++)
+        d.view.slots += (fixed[i] != 0) == (which == PALP_FIXED);
     uint32_t n = d.view.slots;
     d.node = allocate(n, sizeof *d.node);
     d.level_start = allocate(s->levels + 1u, sizeof *d.level_start);
@@ -112,9 +117,15 @@ domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, 
     predict_weights(&d, s, slot_of, which == PALP_FIXED);
     if (lifted) update_weights(&d, area);
     list_children(&d);
-    d.view = (palp_domain){.slots = n, .levels = s->levels, .node = d.node, .level_start = d.level_start,
-                           .parent = d.parent, .predict = d.predict, .update = d.update,
-                           .child_offset = d.child_offset, .child = d.child};
+    d.view = (palp_domain){.slots = n,
+                           .levels = s->levels,
+                           .node = d.node,
+                           .level_start = d.level_start,
+                           .parent = d.parent,
+                           .predict = d.predict,
+                           .update = d.update,
+                           .child_offset = d.child_offset,
+                           .child = d.child};
     d.max_row = longest_row(&d.view);
     free(slot_of);
     return d;
@@ -128,7 +139,8 @@ typedef struct {
     uint16_t *index;
     float scale; /* blocks hold value / scale */
     float (*block)[9];
-    double error2, norm2, worst; /* squared Frobenius sums; largest block error over largest block */
+    double error2, norm2,
+        worst; /* squared Frobenius sums; largest block error over largest block */
 } stored_column;
 
 typedef struct {
@@ -142,7 +154,8 @@ typedef struct {
 } compression;
 
 /* Entry (i, k) of the 3x3 block of row slot and column j, as a traction on the fixed domain. */
-static double exact_entry(const compression *c, uint32_t slot, size_t first_column, size_t i, size_t k) {
+static double exact_entry(const compression *c, uint32_t slot, size_t first_column, size_t i,
+                          size_t k) {
     uint32_t node = c->row->node[slot];
     double v = greens_row(c->g, node, i)[first_column + k];
     return c->row_domain == PALP_FIXED ? v / c->area[node] : v;
@@ -164,7 +177,8 @@ static uint16_t to_half(float x) {
     int exponent;
     (void)frexp(scaled, &exponent);
     if (exponent < -13 || !(scaled > 0)) exponent = -13;
-    double mantissa = nearbyint(ldexp(scaled, 11 - exponent)); /* 1024..2048, or less when subnormal */
+    double mantissa =
+        nearbyint(ldexp(scaled, 11 - exponent)); /* 1024..2048, or less when subnormal */
     uint32_t bits = (uint32_t)((exponent + 13) << 10) + (uint32_t)mantissa;
     return (uint16_t)(sign | bits);
 }
@@ -205,7 +219,8 @@ static void measure(const compression *c, size_t first_column, float *field, sto
     memset(field, 0, 3 * lane_block * sizeof *field);
     for (uint32_t i = 0; i < s->count; i++) {
         for (uint32_t e = 0; e < 9; e++) {
-            field[(e % 3) * lane_block + (size_t)s->index[i] * LANES + e / 3] = s->scale * s->block[i][e];
+            field[(e % 3) * lane_block + (size_t)s->index[i] * LANES + e / 3] =
+                s->scale * s->block[i][e];
         }
     }
     for (uint32_t k = 0; k < 3; k++) palp_wavelet_inverse(d, field + k * lane_block, d->levels - 1);
@@ -277,8 +292,14 @@ columns_data columns_build(const greens *g, const domain_data *row, const domain
     uint32_t nodes = column->view.slots;
     uint32_t n = nodes + (gravity ? 1u : 0u);
     columns_data d = {.view.columns = n, .view.rows = row->view.slots};
-    compression c = {.g = g, .row = row, .column = column, .row_domain = row_domain, .area = area,
-                     .epsilon = epsilon, .half = half, .out = allocate(n, sizeof *c.out)};
+    compression c = {.g = g,
+                     .row = row,
+                     .column = column,
+                     .row_domain = row_domain,
+                     .area = area,
+                     .epsilon = epsilon,
+                     .half = half,
+                     .out = allocate(n, sizeof *c.out)};
     progress_begin("wavelet compression", n);
     parallel_for(n, compress_column, &c);
     progress_end();
@@ -302,8 +323,13 @@ columns_data columns_build(const greens *g, const domain_data *row, const domain
     d.index = allocate(groups * PALP_LANES, sizeof *d.index);
     if (half) d.half = allocate(groups * PALP_GROUP_VALUES, sizeof *d.half);
     if (!half) d.value = allocate(groups * PALP_GROUP_VALUES, sizeof *d.value);
-    d.view = (palp_columns){.columns = n, .rows = row->view.slots, .offset = d.offset, .index = d.index,
-                            .value = d.value, .half = d.half, .scale = d.scale};
+    d.view = (palp_columns){.columns = n,
+                            .rows = row->view.slots,
+                            .offset = d.offset,
+                            .index = d.index,
+                            .value = d.value,
+                            .half = d.half,
+                            .scale = d.scale};
     for (uint32_t j = 0; j < n; j++) {
         pack_column(&d, j, &c.out[j], half);
         free(c.out[j].index);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Wavelet domains and thresholded GF columns (MR 4.3-4.5), in the form in which the blob holds them. */
+/* Wavelet domains and thresholded GF columns (MR 4.3-4.5), in the form in which the blob holds
+ * them. */
 #ifndef PALP_TOOLS_COMPRESS_H
 #define PALP_TOOLS_COMPRESS_H
 
@@ -16,8 +17,9 @@ typedef struct {
 } domain_data;
 
 /*
- * The domain of the nodes with fixed[i] == `fixed`. Beyond the border of the free domain the field is taken
- * as zero, which it is at fixed nodes; at the border of the fixed domain weights are renormalised.
+ * The domain of the nodes with fixed[i] == `fixed`. Beyond the border of the free domain the field
+ * is taken as zero, which it is at fixed nodes; at the border of the fixed domain weights are
+ * renormalised.
  */
 domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, uint32_t which,
                          const double *area, bool lifted);
@@ -33,8 +35,8 @@ typedef struct {
 } columns_data;
 
 /*
- * Transforms and thresholds the block (row domain, column domain) of `g`; a free column domain gets the
- * gravity response as its last column. Rows of fixed nodes are stored as tractions.
+ * Transforms and thresholds the block (row domain, column domain) of `g`; a free column domain gets
+ * the gravity response as its last column. Rows of fixed nodes are stored as tractions.
  */
 columns_data columns_build(const greens *g, const domain_data *row, const domain_data *column,
                            uint32_t row_domain, uint32_t column_domain, const double *area,

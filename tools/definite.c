@@ -15,7 +15,8 @@
 #define JACOBI_SWEEPS 30
 
 /* a := S + shift I */
-static void scaled_copy(const double *g, size_t n, size_t stride, const double *root, double shift, double *a) {
+static void scaled_copy(const double *g, size_t n, size_t stride, const double *root, double shift,
+                        double *a) {
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++) a[i * n + j] = g[i * stride + j] / (root[i] * root[j]);
         a[i * n + i] += shift;
@@ -23,7 +24,8 @@ static void scaled_copy(const double *g, size_t n, size_t stride, const double *
 }
 
 /* Factors S + shift I into `a`; whether all pivots were positive. */
-static bool factors(const double *g, size_t n, size_t stride, const double *root, double shift, double *a) {
+static bool factors(const double *g, size_t n, size_t stride, const double *root, double shift,
+                    double *a) {
     scaled_copy(g, n, stride, root, shift, a);
     progress_begin("definiteness", (double)n * (double)n * (double)n / 3);
     size_t bad = dense_lu_unpivoted(a, n, n);
@@ -47,7 +49,8 @@ static void orthonormalise(double *q, size_t n, size_t first) {
     }
 }
 
-/* Krylov basis of (S + shift I)^-1 from a fixed starting block: the lowest eigenvectors of S show first. */
+/* Krylov basis of (S + shift I)^-1 from a fixed starting block: the lowest eigenvectors of S show
+ * first. */
 static double *krylov_basis(const double *factor, size_t n) {
     double *q = allocate(n * BASIS, sizeof *q);
     uint32_t *in_place = allocate(n, sizeof *in_place);
@@ -63,7 +66,8 @@ static double *krylov_basis(const double *factor, size_t n) {
     for (size_t b = 0; b < BLOCKS; b++) {
         double *block = q + b * BLOCK;
         if (b > 0) {
-            for (size_t i = 0; i < n; i++) memcpy(block + i * BASIS, block + i * BASIS - BLOCK, BLOCK * sizeof *q);
+            for (size_t i = 0; i < n; i++)
+                memcpy(block + i * BASIS, block + i * BASIS - BLOCK, BLOCK * sizeof *q);
             dense_lu_solve(factor, n, n, in_place, block, BASIS, BLOCK);
         }
         orthonormalise(q, n, b * BLOCK);
@@ -106,16 +110,18 @@ static void jacobi(double *a, double *v, size_t n) {
 }
 
 /* g += (floor - lambda) (root o x)(root o x)^T */
-static void raise(double *g, size_t n, size_t stride, const double *root, const double *x, double amount) {
+static void raise(double *g, size_t n, size_t stride, const double *root, const double *x,
+                  double amount) {
     for (size_t i = 0; i < n; i++) {
         double factor = amount * root[i] * x[i];
         for (size_t j = 0; j < n; j++) g[i * stride + j] += factor * root[j] * x[j];
     }
 }
 
-/* Rayleigh-Ritz on the basis; raises every Ritz value of S below the floor. `s` is n x n scratch. */
-static void raise_lowest(double *g, size_t n, size_t stride, const double *root, const double *q, double *s,
-                         definite_report *r) {
+/* Rayleigh-Ritz on the basis; raises every Ritz value of S below the floor. `s` is n x n scratch.
+ */
+static void raise_lowest(double *g, size_t n, size_t stride, const double *root, const double *q,
+                         double *s, definite_report *r) {
     double *product = allocate(n * BASIS, sizeof *product);
     double *small = allocate(BASIS * BASIS, sizeof *small), *v = allocate(BASIS * BASIS, sizeof *v);
     double *transposed = allocate(BASIS * n, sizeof *transposed), *x = allocate(n, sizeof *x);

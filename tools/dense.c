@@ -12,26 +12,28 @@
 
 /* ---- the kernel: acc (height x width) = sum_k a_strip[k][height] b_strip[k][width] ---- */
 
-#define DEFINE_KERNEL(name, bytes, rows, vectors, attribute)                                               \
-    typedef double name##_vector __attribute__((vector_size(bytes), aligned(8)));                          \
-    attribute static void name(const double *a, const double *b, size_t k, double *c, size_t stride) {     \
-        enum { LANES = (bytes) / 8 };                                                                      \
-        name##_vector sum[rows][vectors] = {0};                                                            \
-        for (size_t p = 0; p < k; p++, a += (rows), b += (vectors)*LANES) {                                \
-            name##_vector row[vectors];                                                                    \
-            for (int j = 0; j < (vectors); j++) row[j] = *(const name##_vector *)(b + j * LANES);          \
-            for (int i = 0; i < (rows); i++) {                                                             \
-                for (int j = 0; j < (vectors); j++) sum[i][j] += a[i] * row[j];                            \
-            }                                                                                              \
-        }                                                                                                  \
-        for (int i = 0; i < (rows); i++) {                                                                 \
-            for (int j = 0; j < (vectors); j++) {                                                          \
-                *(name##_vector *)(c + (size_t)i * stride + (size_t)j * LANES) -= sum[i][j];               \
-            }                                                                                              \
-        }                                                                                                  \
+#define DEFINE_KERNEL(name, bytes, rows, vectors, attribute)                                       \
+    typedef double name##_vector __attribute__((vector_size(bytes), aligned(8)));                  \
+    attribute static void name(const double *a, const double *b, size_t k, double *c,              \
+                               size_t stride) {                                                    \
+        enum { LANES = (bytes) / 8 };                                                              \
+        name##_vector sum[rows][vectors] = {0};                                                    \
+        for (size_t p = 0; p < k; p++, a += (rows), b += (vectors)*LANES) {                        \
+            name##_vector row[vectors];                                                            \
+            for (int j = 0; j < (vectors); j++) row[j] = *(const name##_vector *)(b + j * LANES);  \
+            for (int i = 0; i < (rows); i++) {                                                     \
+                for (int j = 0; j < (vectors); j++) sum[i][j] += a[i] * row[j];                    \
+            }                                                                                      \
+        }                                                                                          \
+        for (int i = 0; i < (rows); i++) {                                                         \
+            for (int j = 0; j < (vectors); j++) {                                                  \
+                *(name##_vector *)(c + (size_t)i * stride + (size_t)j * LANES) -= sum[i][j];       \
+            }                                                                                      \
+        }                                                                                          \
     }
 
-typedef void (*kernel_function)(const double *a, const double *b, size_t k, double *c, size_t stride);
+typedef void (*kernel_function)(const double *a, const double *b, size_t k, double *c,
+                                size_t stride);
 typedef struct {
     size_t height, width;
     kernel_function run;
@@ -89,9 +91,11 @@ static void run_edge(const product *p, const double *a, const double *b, size_t 
                      size_t rows, size_t columns) {
     double tile[16 * 16] = {0};
     double *c = p->c + row * p->c_stride + column;
-    for (size_t i = 0; i < rows; i++) memcpy(tile + i * 16, c + i * p->c_stride, columns * sizeof *c);
+    for (size_t i = 0; i < rows; i++)
+        memcpy(tile + i * 16, c + i * p->c_stride, columns * sizeof *c);
     p->kernel.run(a, b, p->k, tile, 16);
-    for (size_t i = 0; i < rows; i++) memcpy(c + i * p->c_stride, tile + i * 16, columns * sizeof *c);
+    for (size_t i = 0; i < rows; i++)
+        memcpy(c + i * p->c_stride, tile + i * 16, columns * sizeof *c);
 }
 
 static void multiply_rows(void *context, size_t item) {
@@ -118,17 +122,26 @@ static void multiply_rows(void *context, size_t item) {
     free(packed);
 }
 
-void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride, const double *b,
-                            size_t b_stride, size_t m, size_t n, size_t k) {
+void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride,
+                            const double *b, size_t b_stride, size_t m, size_t n, size_t k) {
     if (m == 0 || n == 0 || k == 0) return;
     kernel best = pick_kernel();
     size_t strips = (n + best.width - 1) / best.width;
-    double *packed = allocate_aligned(strips * best.width * (k < SLICE ? k : SLICE), sizeof *packed);
+    double *packed =
+        allocate_aligned(strips * best.width * (k < SLICE ? k : SLICE), sizeof *packed);
     for (size_t first = 0; first < k; first += SLICE) {
         size_t depth = k - first < SLICE ? k - first : SLICE;
-        product p = {.kernel = best, .c = c, .a = a + first, .b = b + first * b_stride,
-                     .c_stride = c_stride, .a_stride = a_stride, .b_stride = b_stride,
-                     .m = m, .n = n, .k = depth, .packed = packed};
+        product p = {.kernel = best,
+                     .c = c,
+                     .a = a + first,
+                     .b = b + first * b_stride,
+                     .c_stride = c_stride,
+                     .a_stride = a_stride,
+                     .b_stride = b_stride,
+                     .m = m,
+                     .n = n,
+                     .k = depth,
+                     .packed = packed};
         bool large = (double)m * (double)n * (double)depth > 2e6;
         size_t items = (m + ROW_TILE - 1) / ROW_TILE;
         if (large) {
@@ -145,7 +158,8 @@ void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t 
 /* ---- triangular solves on blocks of right-hand sides ---- */
 
 /* B := L^-1 B, L unit lower triangular (n x n) */
-static void solve_lower(const double *l, size_t stride, double *b, size_t b_stride, size_t n, size_t m) {
+static void solve_lower(const double *l, size_t stride, double *b, size_t b_stride, size_t n,
+                        size_t m) {
     if (n <= LEAF) {
         for (size_t i = 1; i < n; i++) {
             for (size_t k = 0; k < i; k++) {
@@ -157,13 +171,14 @@ static void solve_lower(const double *l, size_t stride, double *b, size_t b_stri
     }
     size_t half = n / 2;
     solve_lower(l, stride, b, b_stride, half, m);
-    dense_subtract_product(b + half * b_stride, b_stride, l + half * stride, stride, b, b_stride, n - half,
-                           m, half);
+    dense_subtract_product(b + half * b_stride, b_stride, l + half * stride, stride, b, b_stride,
+                           n - half, m, half);
     solve_lower(l + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m);
 }
 
 /* B := U^-1 B, U upper triangular (n x n) */
-static void solve_upper(const double *u, size_t stride, double *b, size_t b_stride, size_t n, size_t m) {
+static void solve_upper(const double *u, size_t stride, double *b, size_t b_stride, size_t n,
+                        size_t m) {
     if (n <= LEAF) {
         for (size_t i = n; i-- > 0;) {
             for (size_t k = i + 1; k < n; k++) {
@@ -177,7 +192,8 @@ static void solve_upper(const double *u, size_t stride, double *b, size_t b_stri
     }
     size_t half = n / 2;
     solve_upper(u + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m);
-    dense_subtract_product(b, b_stride, u + half, stride, b + half * b_stride, b_stride, half, m, n - half);
+    dense_subtract_product(b, b_stride, u + half, stride, b + half * b_stride, b_stride, half, m,
+                           n - half);
     solve_upper(u, stride, b, b_stride, half, m);
 }
 
@@ -192,7 +208,8 @@ static void swap_rows(double *a, size_t stride, size_t n, size_t i, size_t k) {
     }
 }
 
-/* Brings the pivot of column j to its place, or without `perm` only looks at it; false when it is unusable. */
+/* Brings the pivot of column j to its place, or without `perm` only looks at it; false when it is
+ * unusable. */
 static bool place_pivot(double *a, size_t n, size_t stride, uint32_t *perm, size_t j) {
     if (perm == NULL) return a[j * stride + j] > 0;
     size_t best = j;
@@ -205,7 +222,8 @@ static bool place_pivot(double *a, size_t n, size_t stride, uint32_t *perm, size
 }
 
 /* Factors columns [first, last) below row `first`; whole rows are swapped at once. */
-static size_t factor_leaf(double *a, size_t n, size_t stride, uint32_t *perm, size_t first, size_t last) {
+static size_t factor_leaf(double *a, size_t n, size_t stride, uint32_t *perm, size_t first,
+                          size_t last) {
     for (size_t j = first; j < last; j++) {
         if (!place_pivot(a, n, stride, perm, j)) return j;
         double pivot = a[j * stride + j];
@@ -217,7 +235,8 @@ static size_t factor_leaf(double *a, size_t n, size_t stride, uint32_t *perm, si
     return n;
 }
 
-static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm, size_t first, size_t last) {
+static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm, size_t first,
+                             size_t last) {
     if (last - first <= LEAF) {
         size_t bad = factor_leaf(a, n, stride, perm, first, last);
         progress_add((double)(last - first) * (double)(n - first) * (double)(n - first));
@@ -228,8 +247,8 @@ static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm,
     if (bad < n) return bad;
     double *right = a + first * stride + middle;
     solve_lower(a + first * stride + first, stride, right, stride, middle - first, last - middle);
-    dense_subtract_product(a + middle * stride + middle, stride, a + middle * stride + first, stride, right,
-                           stride, n - middle, last - middle, middle - first);
+    dense_subtract_product(a + middle * stride + middle, stride, a + middle * stride + first,
+                           stride, right, stride, n - middle, last - middle, middle - first);
     return factor_columns(a, n, stride, perm, middle, last);
 }
 

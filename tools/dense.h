@@ -2,8 +2,8 @@
 /*
  * Dense linear algebra in double precision, row-major a[i * stride + k], threaded.
  *
- * Products are accumulated in the order of k in fixed slices, whatever the vector width or the number of
- * threads, and without fused multiply-adds: results are the same bits everywhere.
+ * Products are accumulated in the order of k in fixed slices, whatever the vector width or the
+ * number of threads, and without fused multiply-adds: results are the same bits everywhere.
  */
 #ifndef PALP_TOOLS_DENSE_H
 #define PALP_TOOLS_DENSE_H
@@ -13,18 +13,19 @@
 #include <stdint.h>
 
 /* C (m x n) -= A (m x k) B (k x n). */
-void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride, const double *b,
-                            size_t b_stride, size_t m, size_t n, size_t k);
+void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride,
+                            const double *b, size_t b_stride, size_t m, size_t n, size_t k);
 
 /*
- * P A = L U in place (recursive, partial pivoting); perm[j] is the row swapped with row j. Returns n, or the
- * index of the first pivot that is zero.
+ * P A = L U in place (recursive, partial pivoting); perm[j] is the row swapped with row j. Returns
+ * n, or the index of the first pivot that is zero.
  */
 size_t dense_lu(double *a, size_t n, size_t stride, uint32_t *perm);
 
 /*
- * L U in place without row exchanges, which for a symmetric matrix meets only positive pivots exactly when it
- * is positive definite. Returns n, or the index of the first pivot that is not positive.
+ * L U in place without row exchanges, which for a symmetric matrix meets only positive pivots
+ * exactly when it is positive definite. Returns n, or the index of the first pivot that is not
+ * positive.
  */
 size_t dense_lu_unpivoted(double *a, size_t n, size_t stride);
 

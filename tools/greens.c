@@ -10,7 +10,8 @@
 
 /*
  * The RBVP as A y = R: unknown tractions p / E on U (so that both kinds of unknown have the size of
- * displacements) and displacements on F. Swapping columns of H and G in place turns them into A and R.
+ * displacements) and displacements on F. Swapping columns of H and G in place turns them into A and
+ * R.
  */
 typedef struct {
     const mesh *m;
@@ -38,7 +39,8 @@ static void swap_columns(void *context, size_t row) {
     }
 }
 
-/* Displacement of the hydrostatic particular solution for unit body force along `axis`, at x - origin. */
+/* Displacement of the hydrostatic particular solution for unit body force along `axis`, at x -
+ * origin. */
 static void particular_displacement(const bem_material *material, const double y[3], size_t axis,
                                     double u[3]) {
     double a = -(1 - 2 * material->poisson) / material->young_Pa;
@@ -47,16 +49,20 @@ static void particular_displacement(const bem_material *material, const double y
     }
 }
 
-/* What balances the particular stress -(b . y) I on the surface, for b = e_x, e_y, e_z: t = (b . y) n. */
-static void hydrostatic_traction(const void *context, const double y[3], const double normal[3], double *t) {
+/* What balances the particular stress -(b . y) I on the surface, for b = e_x, e_y, e_z: t = (b . y)
+ * n. */
+static void hydrostatic_traction(const void *context, const double y[3], const double normal[3],
+                                 double *t) {
     const double *origin = context;
     for (size_t i = 0; i < 3; i++) {
-        for (size_t axis = 0; axis < 3; axis++) t[3 * i + axis] = normal[i] * (y[axis] - origin[axis]);
+        for (size_t axis = 0; axis < 3; axis++)
+            t[3 * i + axis] = normal[i] * (y[axis] - origin[axis]);
     }
 }
 
 /* Right-hand sides of gravity: known tractions on F from `body`, known displacements on U. */
-static void gravity_columns(const rbvp *p, const double *body, const double origin[3], double density) {
+static void gravity_columns(const rbvp *p, const double *body, const double origin[3],
+                            double density) {
     size_t n = p->m->vertices;
     for (size_t row = 0; row < 3 * n; row++) {
         for (size_t axis = 0; axis < 3; axis++) {
@@ -82,7 +88,8 @@ static void add_particular(const rbvp *p, const double origin[3], double density
             double y[3], u[3];
             v_sub(p->m->x[i], origin, y);
             particular_displacement(p->material, y, axis, u);
-            for (size_t k = 0; k < 3; k++) p->g[(3 * i + k) * p->g_stride + 3 * n + axis] += density * u[k];
+            for (size_t k = 0; k < 3; k++)
+                p->g[(3 * i + k) * p->g_stride + 3 * n + axis] += density * u[k];
         }
     }
     for (uint32_t t = 0; t < p->m->triangles; t++) {
@@ -97,7 +104,8 @@ static void add_particular(const rbvp *p, const double origin[3], double density
                     sum += (k == c ? 2 : 1) * (p->m->x[v[k]][axis] - origin[axis]);
                 }
                 for (size_t k = 0; k < 3; k++) {
-                    p->g[(3 * v[c] + k) * p->g_stride + 3 * n + axis] -= density * 0.5 * normal[k] * sum / 12;
+                    p->g[(3 * v[c] + k) * p->g_stride + 3 * n + axis] -=
+                        density * 0.5 * normal[k] * sum / 12;
                 }
             }
         }
@@ -113,7 +121,8 @@ static void forces_from_tractions(const rbvp *p) {
     }
 }
 
-/* Largest |load + reactions| over unit nodal loads: what collocation leaves of global equilibrium. */
+/* Largest |load + reactions| over unit nodal loads: what collocation leaves of global equilibrium.
+ */
 static double equilibrium_residual(const greens *g) {
     double worst = 0;
     for (size_t j = 0; j < g->nodes; j++) {
@@ -122,7 +131,8 @@ static double equilibrium_residual(const greens *g) {
             double sum[3] = {0};
             sum[c] = 1;
             for (size_t i = 0; i < g->nodes; i++) {
-                for (size_t k = 0; k < 3 && g->fixed[i] != 0; k++) sum[k] += greens_row(g, i, k)[3 * j + c];
+                for (size_t k = 0; k < 3 && g->fixed[i] != 0; k++)
+                    sum[k] += greens_row(g, i, k)[3 * j + c];
             }
             worst = fmax(worst, v_norm(sum));
         }
@@ -135,7 +145,8 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
     size_t n = m->vertices;
     size_t order = 3 * n;
     double origin[3] = {0};
-    rbvp p = {.m = m, .fixed = fixed, .material = material, .h_stride = order, .g_stride = order + 3};
+    rbvp p = {
+        .m = m, .fixed = fixed, .material = material, .h_stride = order, .g_stride = order + 3};
     double *area = allocate(n, sizeof *area);
     double(*normal)[3] = allocate(n, sizeof *normal);
     mesh_nodal(m, area, normal);
@@ -149,7 +160,11 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
     double *body = allocate(3 * order, sizeof *body);
     p.h = allocate_aligned(order * order, sizeof *p.h);
     p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
-    bem_traction traction = {.columns = 3, .at = hydrostatic_traction, .context = origin, .mask = loaded, .result = body};
+    bem_traction traction = {.columns = 3,
+                             .at = hydrostatic_traction,
+                             .context = origin,
+                             .mask = loaded,
+                             .result = body};
     bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
     parallel_for(order, swap_columns, &p);
     gravity_columns(&p, body, origin, density_kg_m3);
@@ -162,7 +177,8 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
     progress_end();
     if (bad < order) {
         die(EXIT_WORK,
-            "the boundary value problem is singular at vertex %zu (0-based): the fixed nodes must hold the "
+            "the boundary value problem is singular at vertex %zu (0-based): the fixed nodes must "
+            "hold the "
             "body against every translation and rotation",
             bad / 3);
     }
@@ -174,7 +190,11 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
     forces_from_tractions(&p);
     add_particular(&p, origin, density_kg_m3);
     free(area);
-    greens g = {.nodes = m->vertices, .width = p.g_stride, .m = p.g, .fixed = fixed, .gravity = true,
+    greens g = {.nodes = m->vertices,
+                .width = p.g_stride,
+                .m = p.g,
+                .fixed = fixed,
+                .gravity = true,
                 .reactions = true};
     g.equilibrium_residual = equilibrium_residual(&g);
     return g;
@@ -191,7 +211,8 @@ static size_t npy_number(const char *path, const char *header, const char *key) 
 greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
     size_t bytes;
     char *data = read_file(path, &bytes);
-    if (bytes < 12 || memcmp(data, "\x93NUMPY", 6) != 0) die(EXIT_WORK, "%s: not a .npy file", path);
+    if (bytes < 12 || memcmp(data, "\x93NUMPY", 6) != 0)
+        die(EXIT_WORK, "%s: not a .npy file", path);
     bool short_header = data[6] == 1;
     uint32_t length = 0;
     memcpy(&length, data + 8, short_header ? 2 : 4);
@@ -213,7 +234,8 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
         die(EXIT_WORK, "%s: %zu rows; need %zu (free nodes) or %zu (all nodes)", path, rows,
             3 * (size_t)free_nodes, 3 * (size_t)m->vertices);
     }
-    if (bytes - start != rows * rows * size) die(EXIT_WORK, "%s: not a square matrix of %zu rows", path, rows);
+    if (bytes - start != rows * rows * size)
+        die(EXIT_WORK, "%s: not a square matrix of %zu rows", path, rows);
     greens g = {.nodes = m->vertices, .width = 3 * (size_t)m->vertices, .fixed = fixed};
     g.m = allocate_aligned(g.width * g.width, sizeof *g.m);
     for (size_t i = 0, r = 0; i < m->vertices; i++) {
@@ -229,7 +251,8 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
                 double value;
                 memcpy(wide ? (void *)&value : (void *)&narrow, at, size);
                 value = wide ? value : (double)narrow;
-                if (!isfinite(value)) die(EXIT_WORK, "%s: entry (%zu, %zu) is not finite", path, a, b);
+                if (!isfinite(value))
+                    die(EXIT_WORK, "%s: entry (%zu, %zu) is not finite", path, a, b);
                 greens_row(&g, i, k / 3)[3 * j + k % 3] = value;
             }
         }
@@ -240,7 +263,9 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
 
 /* ---- reciprocity ---- */
 
-static bool both_free(const greens *g, size_t i, size_t j) { return g->fixed[i] == 0 && g->fixed[j] == 0; }
+static bool both_free(const greens *g, size_t i, size_t j) {
+    return g->fixed[i] == 0 && g->fixed[j] == 0;
+}
 
 static double asymmetry(const greens *g) {
     double difference = 0, norm = 0;
@@ -270,7 +295,8 @@ static void average_pair(const greens *g, size_t i, size_t j) {
 }
 
 /* Copies the free-free block out of g, or back into it. */
-static void copy_free_block(const greens *g, const uint32_t *node, size_t order, double *a, bool back) {
+static void copy_free_block(const greens *g, const uint32_t *node, size_t order, double *a,
+                            bool back) {
     for (size_t i = 0; i < 3 * order; i++) {
         for (size_t j = 0; j < order; j++) {
             double *in_g = greens_row(g, node[i / 3], i % 3) + 3 * node[j];
@@ -297,7 +323,8 @@ static void enforce_definiteness(greens *g) {
     }
     if (g->definite.raised > 0) {
         warn("%" PRIu32 " mode(s) of the compliance near node %" PRIu32
-             " were raised to keep it positive definite (a change of %.2g %%): the mesh is coarse for a thin part there",
+             " were raised to keep it positive definite (a change of %.2g %%): the mesh is coarse "
+             "for a thin part there",
              g->definite.raised, node[g->definite.worst / 3], 100 * g->definite.change);
         copy_free_block(g, node, order, a, true);
     }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Green's functions of the reference boundary value problem, dense and in force form, from the boundary
- * element solver or from a compliance matrix made elsewhere.
+ * Green's functions of the reference boundary value problem, dense and in force form, from the
+ * boundary element solver or from a compliance matrix made elsewhere.
  */
 #ifndef PALP_TOOLS_GREENS_H
 #define PALP_TOOLS_GREENS_H
@@ -10,9 +10,10 @@
 #include "definite.h"
 
 /*
- * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the response
- * to unit acceleration along x, y, z when `gravity` is set. Rows of free nodes are displacements (m), rows of
- * fixed nodes reaction forces (N); columns of free nodes are forces, of fixed nodes displacements.
+ * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the
+ * response to unit acceleration along x, y, z when `gravity` is set. Rows of free nodes are
+ * displacements (m), rows of fixed nodes reaction forces (N); columns of free nodes are forces, of
+ * fixed nodes displacements.
  */
 typedef struct {
     uint32_t nodes;
@@ -28,13 +29,15 @@ typedef struct {
 greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
                        double density_kg_m3);
 
-/* Reads a .npy matrix: free-free (3 m x 3 m, mesh order) or full (3 n x 3 n, rows of fixed nodes ignored). */
+/* Reads a .npy matrix: free-free (3 m x 3 m, mesh order) or full (3 n x 3 n, rows of fixed nodes
+ * ignored). */
 greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed);
 
 /*
- * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part (free-free
- * and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and makes the free-free block positive
- * definite (definite.h); exits when that would change it by more than GREENS_CHANGE_MAX.
+ * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part
+ * (free-free and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and makes the free-free
+ * block positive definite (definite.h); exits when that would change it by more than
+ * GREENS_CHANGE_MAX.
  */
 #define GREENS_CHANGE_MAX 0.01
 void greens_reciprocity(greens *g, bool enforce);

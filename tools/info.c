@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char help[] = "usage: palp info BLOB [--json]\n\nChecks a blob and says what it holds.\n";
+static const char help[] =
+    "usage: palp info BLOB [--json]\n\nChecks a blob and says what it holds.\n";
 
 static const option options[] = {{"--json", 0}, {NULL, 0}};
 
@@ -37,49 +38,57 @@ palp_blob load_blob(const char *path) {
     return blob;
 }
 
-static void print_json(const palp_blob *b, const char *sha, double dense_bytes, double compression) {
+static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
+                       double compression) {
     const palp_meta *m = b->meta;
     printf("{\"nodes\": %" PRIu32 ", \"free_nodes\": %" PRIu32 ", \"fixed_nodes\": %" PRIu32
            ", \"triangles\": %" PRIu32 ", \"levels\": %" PRIu32 ",\n",
-           m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->triangles, m->levels);
+           m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->triangles,
+           m->levels);
     printf(" \"young_pa\": %.9g, \"poisson\": %.9g, \"density_kg_m3\": %.9g, \"epsilon\": %.9g,\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3, (double)m->epsilon);
-    printf(" \"wavelet\": \"linear\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
-           palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
-           palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
-           palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
-    printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.6g,\n", b->bytes, dense_bytes, compression);
+    printf(
+        " \"wavelet\": \"linear\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
+        palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
+        palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
+        palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
+    printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.6g,\n", b->bytes,
+           dense_bytes, compression);
     printf(" \"rms_error\": %.6g, \"max_error\": %.6g, \"reciprocity_residual\": %.6g, "
            "\"equilibrium_residual\": %.6g,\n",
            (double)m->rms_error, (double)m->max_error, (double)m->reciprocity_residual,
            (double)m->equilibrium_residual);
     printf(" \"mesh_sha256\": \"%s\",\n", sha);
-    printf(" \"stiffness_n_per_m\": {\"min\": %.6g, \"max\": %.6g},\n", (double)m->stiffness_min_N_per_m,
-           (double)m->stiffness_max_N_per_m);
-    printf(" \"gravity\": %s, \"reactions\": %s,\n", palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
+    printf(" \"stiffness_n_per_m\": {\"min\": %.6g, \"max\": %.6g},\n",
+           (double)m->stiffness_min_N_per_m, (double)m->stiffness_max_N_per_m);
+    printf(" \"gravity\": %s, \"reactions\": %s,\n",
+           palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
            palp_blob_has(b, PALP_META_REACTIONS) ? "true" : "false");
-    printf(" \"constraint_levels\": [{\"level\": %" PRIu32 ", \"nodes\": %" PRIu32 ", \"blocks\": %" PRIu64
-           ", \"table_bytes\": 0}]}\n",
+    printf(" \"constraint_levels\": [{\"level\": %" PRIu32 ", \"nodes\": %" PRIu32
+           ", \"blocks\": %" PRIu64 ", \"table_bytes\": 0}]}\n",
            m->levels - 1, m->domain_nodes[PALP_FREE], m->free_blocks);
 }
 
-static void print_text(const palp_blob *b, const char *sha, double dense_bytes, double compression) {
+static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
+                       double compression) {
     const palp_meta *m = b->meta;
     printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed)\n", m->nodes,
            m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED]);
-    printf("triangles             %" PRIu32 ", mean edge %.4g m\n", m->triangles, (double)m->mean_edge_m);
+    printf("triangles             %" PRIu32 ", mean edge %.4g m\n", m->triangles,
+           (double)m->mean_edge_m);
     printf("levels                %" PRIu32 ", free nodes per level", m->levels);
     for (uint32_t l = 0; l < m->levels; l++) {
         const uint32_t *start = b->domain[PALP_FREE].level_start;
         printf(" %" PRIu32, start[l + 1] - start[l]);
     }
-    printf("\nmaterial              Young %.6g Pa, Poisson %.4g, density %.6g kg/m3\n", (double)m->young_Pa,
-           (double)m->poisson, (double)m->density_kg_m3);
+    printf("\nmaterial              Young %.6g Pa, Poisson %.4g, density %.6g kg/m3\n",
+           (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3);
     printf("wavelet               linear %s, epsilon %g, %s storage\n",
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
            palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
-    printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n", compression,
-           m->free_blocks, dense_bytes / 36, (double)m->rms_error, (double)m->max_error);
+    printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
+           compression, m->free_blocks, dense_bytes / 36, (double)m->rms_error,
+           (double)m->max_error);
     printf("reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
            palp_blob_has(b, PALP_META_SYMMETRIC) ? ", enforced" : ", kept (raw)");
     printf("equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);

@@ -19,7 +19,8 @@ static const struct {
 
 static void usage(FILE *f) {
     fputs("usage: palp COMMAND [ARGUMENTS]\n\n", f);
-    for (size_t i = 0; i < COMMANDS; i++) fprintf(f, "  %-10s %s\n", commands[i].name, commands[i].summary);
+    for (size_t i = 0; i < COMMANDS; i++)
+        fprintf(f, "  %-10s %s\n", commands[i].name, commands[i].summary);
     fputs("\n'palp COMMAND --help' lists the options of a command.\n", f);
 }
 

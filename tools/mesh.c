@@ -95,7 +95,8 @@ static half_edge *sorted_half_edges(const mesh *m) {
         for (int k = 0; k < 3; k++) {
             uint32_t a = m->t[i][k];
             uint32_t b = m->t[i][(k + 1) % 3];
-            h[3 * i + (uint32_t)k] = a < b ? (half_edge){a, b, i, true} : (half_edge){b, a, i, false};
+            h[3 * i + (uint32_t)k] =
+                a < b ? (half_edge){a, b, i, true} : (half_edge){b, a, i, false};
         }
     }
     qsort(h, 3 * (size_t)m->triangles, sizeof *h, compare_half_edges);
@@ -131,11 +132,11 @@ static void append_triangle(mesh *m, size_t *capacity, uint32_t a, uint32_t b, u
 }
 
 /*
- * Closes the loop by a fan about its centroid, which can never repeat an edge of the surface. The loop runs
- * against the boundary direction of the surrounding triangles.
+ * Closes the loop by a fan about its centroid, which can never repeat an edge of the surface. The
+ * loop runs against the boundary direction of the surrounding triangles.
  */
-static void fill_loop(mesh *m, size_t *triangle_capacity, size_t *vertex_capacity, const uint32_t *loop,
-                      uint32_t n) {
+static void fill_loop(mesh *m, size_t *triangle_capacity, size_t *vertex_capacity,
+                      const uint32_t *loop, uint32_t n) {
     if (n == 3) {
         append_triangle(m, triangle_capacity, loop[0], loop[1], loop[2]);
         return;
@@ -209,7 +210,8 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
         }
         if (j - i > 2) {
             die(EXIT_WORK,
-                "%s: edge %" PRIu32 "-%" PRIu32 " (0-based) belongs to %zu triangles (non-manifold): "
+                "%s: edge %" PRIu32 "-%" PRIu32
+                " (0-based) belongs to %zu triangles (non-manifold): "
                 "split the surface there",
                 path, h[i].low, h[i].high, j - i);
         }
@@ -226,7 +228,8 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
     free(h);
 }
 
-/* Whether both triangles run along a common edge in the same direction, so that one is inside out. */
+/* Whether both triangles run along a common edge in the same direction, so that one is inside out.
+ */
 static bool share_direction(const uint32_t s[3], const uint32_t t[3]) {
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < 3; k++) {
@@ -270,14 +273,15 @@ static void require_oriented(const mesh *m, const char *path) {
     half_edge *h = sorted_half_edges(m);
     for (size_t i = 0; i + 1 < total; i += 2) {
         if (h[i].forward == h[i + 1].forward) {
-            die(EXIT_WORK, "%s: the surface is one-sided at edge %" PRIu32 "-%" PRIu32 " (0-based)", path,
-                h[i].low, h[i].high);
+            die(EXIT_WORK, "%s: the surface is one-sided at edge %" PRIu32 "-%" PRIu32 " (0-based)",
+                path, h[i].low, h[i].high);
         }
     }
     free(h);
 }
 
-/* Each vertex must be surrounded by one fan: as many neighbours met by walking as triangles hold it. */
+/* Each vertex must be surrounded by one fan: as many neighbours met by walking as triangles hold
+ * it. */
 static void require_manifold_vertices(const mesh *m, const char *path) {
     uint32_t *valence = allocate(m->vertices, sizeof *valence);
     uint32_t *any = allocate(m->vertices, sizeof *any);
@@ -291,7 +295,8 @@ static void require_manifold_vertices(const mesh *m, const char *path) {
     pair_triangles(m, path, across);
     for (uint32_t v = 0; v < m->vertices; v++) {
         if (valence[v] == 0) {
-            die(EXIT_WORK, "%s: vertex %" PRIu32 " (0-based) belongs to no triangle: remove it", path, v);
+            die(EXIT_WORK, "%s: vertex %" PRIu32 " (0-based) belongs to no triangle: remove it",
+                path, v);
         }
         uint32_t t = any[v], steps = 0;
         do {
@@ -302,7 +307,8 @@ static void require_manifold_vertices(const mesh *m, const char *path) {
         } while (t != any[v] && steps <= valence[v]);
         if (steps != valence[v]) {
             die(EXIT_WORK,
-                "%s: vertex %" PRIu32 " (0-based) joins separate parts of the surface (non-manifold): "
+                "%s: vertex %" PRIu32
+                " (0-based) joins separate parts of the surface (non-manifold): "
                 "duplicate it",
                 path, v);
         }
@@ -326,7 +332,8 @@ static void require_sound_triangles(const mesh *m, const char *path) {
 }
 
 void mesh_require_closed(mesh *m, const char *path) {
-    if (m->triangles < 4) die(EXIT_WORK, "%s: %" PRIu32 " triangles make no closed surface", path, m->triangles);
+    if (m->triangles < 4)
+        die(EXIT_WORK, "%s: %" PRIu32 " triangles make no closed surface", path, m->triangles);
     require_sound_triangles(m, path);
     uint32_t(*neighbour)[3] = allocate(m->triangles, sizeof *neighbour);
     pair_triangles(m, path, neighbour);
@@ -427,7 +434,8 @@ void mesh_nodal(const mesh *m, double *area, double (*normal)[3]) {
 double mesh_smallest_angle_deg(const mesh *m) {
     double smallest = 180;
     for (uint32_t i = 0; i < m->triangles; i++) {
-        for (int k = 0; k < 3; k++) smallest = fmin(smallest, corner_angle(m, i, k) * 57.29577951308232);
+        for (int k = 0; k < 3; k++)
+            smallest = fmin(smallest, corner_angle(m, i, k) * 57.29577951308232);
     }
     return smallest;
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Triangle meshes on the host: loading, checking, connectivity, geometry. Double precision, SI units. */
+/* Triangle meshes on the host: loading, checking, connectivity, geometry. Double precision, SI
+ * units. */
 #ifndef PALP_TOOLS_MESH_H
 #define PALP_TOOLS_MESH_H
 
@@ -29,14 +30,15 @@ void mesh_free(mesh *m);
 uint32_t mesh_drop_unused(mesh *m);
 
 /*
- * Closes boundary loops whose length is at most `largest` times the bounding box diagonal; returns how
- * many were closed. Longer ones stay open.
+ * Closes boundary loops whose length is at most `largest` times the bounding box diagonal; returns
+ * how many were closed. Longer ones stay open.
  */
 uint32_t mesh_fill_holes(mesh *m, double largest);
 
 /*
- * Makes triangles consistently oriented, outward, and exits with the offending element unless the mesh
- * is one closed, edge- and vertex-manifold component of non-degenerate triangles without unused vertices.
+ * Makes triangles consistently oriented, outward, and exits with the offending element unless the
+ * mesh is one closed, edge- and vertex-manifold component of non-degenerate triangles without
+ * unused vertices.
  */
 void mesh_require_closed(mesh *m, const char *path);
 

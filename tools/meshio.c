@@ -21,8 +21,8 @@ typedef struct {
 static void add_vertex(builder *b, const double x[3], size_t line) {
     for (int k = 0; k < 3; k++) {
         if (!isfinite(x[k])) {
-            die(EXIT_WORK, "%s:%zu: coordinate %d of vertex %" PRIu32 " is not a finite number", b->path,
-                line, k + 1, b->m.vertices);
+            die(EXIT_WORK, "%s:%zu: coordinate %d of vertex %" PRIu32 " is not a finite number",
+                b->path, line, k + 1, b->m.vertices);
         }
     }
     b->m.x = grow(b->m.x, &b->vertex_capacity, b->m.vertices + 1, sizeof *b->m.x);
@@ -47,7 +47,8 @@ static void polygon_normal(const mesh *m, const uint32_t *corner, size_t n, doub
     }
 }
 
-static bool is_ear(const mesh *m, const uint32_t *corner, size_t n, size_t i, const double normal[3]) {
+static bool is_ear(const mesh *m, const uint32_t *corner, size_t n, size_t i,
+                   const double normal[3]) {
     const double *a = m->x[corner[(i + n - 1) % n]];
     const double *b = m->x[corner[i]];
     const double *c = m->x[corner[(i + 1) % n]];
@@ -60,7 +61,8 @@ static bool is_ear(const mesh *m, const uint32_t *corner, size_t n, size_t i, co
         triangle_normal(a, b, m->x[corner[k]], s[0]);
         triangle_normal(b, c, m->x[corner[k]], s[1]);
         triangle_normal(c, a, m->x[corner[k]], s[2]);
-        if (v_dot(s[0], normal) >= 0 && v_dot(s[1], normal) >= 0 && v_dot(s[2], normal) >= 0) return false;
+        if (v_dot(s[0], normal) >= 0 && v_dot(s[1], normal) >= 0 && v_dot(s[2], normal) >= 0)
+            return false;
     }
     return true;
 }
@@ -94,7 +96,8 @@ static void obj_vertex(builder *b, const char *p, size_t line) {
         p = skip_blanks(p);
         bool line_over = *p == '\n' || *p == '\0';
         x[k] = line_over ? 0 : strtod(p, &end);
-        if (line_over || end == p) die(EXIT_WORK, "%s:%zu: a vertex needs three numbers", b->path, line);
+        if (line_over || end == p)
+            die(EXIT_WORK, "%s:%zu: a vertex needs three numbers", b->path, line);
         p = end;
     }
     add_vertex(b, x, line);
@@ -106,13 +109,15 @@ static void obj_face(builder *b, const char *p, size_t line) {
     for (p = skip_blanks(p); *p != '\n' && *p != '\0' && *p != '#'; p = skip_blanks(p)) {
         char *end;
         long index = strtol(p, &end, 10);
-        if (end == p) die(EXIT_WORK, "%s:%zu: a face needs vertex numbers, found '%.12s'", b->path, line, p);
+        if (end == p)
+            die(EXIT_WORK, "%s:%zu: a face needs vertex numbers, found '%.12s'", b->path, line, p);
         long absolute = index < 0 ? (long)b->m.vertices + index : index - 1;
         if (index == 0 || absolute < 0 || absolute >= (long)b->m.vertices) {
-            die(EXIT_WORK, "%s:%zu: vertex %ld is out of range (%" PRIu32 " vertices so far)", b->path, line,
-                index, b->m.vertices);
+            die(EXIT_WORK, "%s:%zu: vertex %ld is out of range (%" PRIu32 " vertices so far)",
+                b->path, line, index, b->m.vertices);
         }
-        if (n == MAX_CORNERS) die(EXIT_WORK, "%s:%zu: more than %d corners", b->path, line, MAX_CORNERS);
+        if (n == MAX_CORNERS)
+            die(EXIT_WORK, "%s:%zu: more than %d corners", b->path, line, MAX_CORNERS);
         corner[n++] = (uint32_t)absolute;
         p = end;
         while (*p != '\0' && !isspace((unsigned char)*p)) p++; /* /vt/vn */
@@ -121,7 +126,8 @@ static void obj_face(builder *b, const char *p, size_t line) {
     add_polygon(b, corner, n);
 }
 
-/* Faces may name vertices that follow only when all vertices are known, so vertices are read first. */
+/* Faces may name vertices that follow only when all vertices are known, so vertices are read first.
+ */
 static void read_obj(builder *b, const char *text) {
     for (int pass = 0; pass < 2; pass++) {
         size_t line = 0;
@@ -162,7 +168,8 @@ static bool same_point(const double a[3], const double b[3]) {
     return true;
 }
 
-/* Merges corners with equal coordinates, numbered by first appearance; drops triangles that vanish. */
+/* Merges corners with equal coordinates, numbered by first appearance; drops triangles that vanish.
+ */
 static void weld(builder *b) {
     mesh *m = &b->m;
     uint32_t n = m->vertices;
@@ -239,7 +246,8 @@ static void read_stl_text(builder *b, const char *text) {
         if (p == NULL) break;
         p++;
     }
-    if (!ended || b->m.vertices % 3 != 0) die(EXIT_WORK, "%s:%zu: the file ends inside a solid", b->path, line);
+    if (!ended || b->m.vertices % 3 != 0)
+        die(EXIT_WORK, "%s:%zu: the file ends inside a solid", b->path, line);
 }
 
 static void read_stl(builder *b, const char *data, size_t bytes) {
@@ -251,8 +259,8 @@ static void read_stl(builder *b, const char *data, size_t bytes) {
     } else if (strncmp(skip_blanks(data), "solid", 5) == 0 && memchr(data, '\0', bytes) == NULL) {
         read_stl_text(b, data);
     } else {
-        die(EXIT_WORK, "%s: binary STL with %" PRIu32 " triangles needs %zu bytes, has %zu", b->path, count,
-            84 + 50 * (size_t)count, bytes);
+        die(EXIT_WORK, "%s: binary STL with %" PRIu32 " triangles needs %zu bytes, has %zu",
+            b->path, count, 84 + 50 * (size_t)count, bytes);
     }
     weld(b);
 }
@@ -282,9 +290,9 @@ static ply_type ply_type_of(const char *name) {
     static const struct {
         const char *name;
         ply_type type;
-    } table[] = {{"char", T_I8},   {"int8", T_I8},    {"uchar", T_U8},   {"uint8", T_U8},
-                 {"short", T_I16}, {"int16", T_I16},  {"ushort", T_U16}, {"uint16", T_U16},
-                 {"int", T_I32},   {"int32", T_I32},  {"uint", T_U32},   {"uint32", T_U32},
+    } table[] = {{"char", T_I8},   {"int8", T_I8},     {"uchar", T_U8},   {"uint8", T_U8},
+                 {"short", T_I16}, {"int16", T_I16},   {"ushort", T_U16}, {"uint16", T_U16},
+                 {"int", T_I32},   {"int32", T_I32},   {"uint", T_U32},   {"uint32", T_U32},
                  {"float", T_F32}, {"float32", T_F32}, {"double", T_F64}, {"float64", T_F64}};
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         if (strcmp(name, table[i].name) == 0) return table[i].type;
@@ -295,7 +303,8 @@ static ply_type ply_type_of(const char *name) {
 static double ply_text_value(ply_cursor *c) {
     char *end;
     double v = strtod(c->p, &end);
-    if (end == c->p) die(EXIT_WORK, "%s: the file ends, or holds no number, at '%.16s'", c->path, c->p);
+    if (end == c->p)
+        die(EXIT_WORK, "%s: the file ends, or holds no number, at '%.16s'", c->path, c->p);
     c->p = end;
     return v;
 }
@@ -305,7 +314,8 @@ static double ply_binary_value(ply_cursor *c, ply_type type) {
     unsigned char raw[8] = {0};
     size_t n = size[type];
     if ((size_t)(c->end - c->p) < n) die(EXIT_WORK, "%s: the file is truncated", c->path);
-    for (size_t i = 0; i < n; i++) raw[c->format == PLY_BIG ? n - 1 - i : i] = (unsigned char)c->p[i];
+    for (size_t i = 0; i < n; i++)
+        raw[c->format == PLY_BIG ? n - 1 - i : i] = (unsigned char)c->p[i];
     c->p += n;
     int8_t i8;
     int16_t i16;
@@ -315,15 +325,31 @@ static double ply_binary_value(ply_cursor *c, ply_type type) {
     float f32;
     double f64;
     switch (type) {
-    case T_I8: memcpy(&i8, raw, 1); return i8;
-    case T_U8: return raw[0];
-    case T_I16: memcpy(&i16, raw, 2); return i16;
-    case T_U16: memcpy(&u16, raw, 2); return u16;
-    case T_I32: memcpy(&i32, raw, 4); return i32;
-    case T_U32: memcpy(&u32, raw, 4); return u32;
-    case T_F32: memcpy(&f32, raw, 4); return (double)f32;
-    case T_F64: memcpy(&f64, raw, 8); return f64;
-    case T_NONE: break;
+    case T_I8:
+        memcpy(&i8, raw, 1);
+        return i8;
+    case T_U8:
+        return raw[0];
+    case T_I16:
+        memcpy(&i16, raw, 2);
+        return i16;
+    case T_U16:
+        memcpy(&u16, raw, 2);
+        return u16;
+    case T_I32:
+        memcpy(&i32, raw, 4);
+        return i32;
+    case T_U32:
+        memcpy(&u32, raw, 4);
+        return u32;
+    case T_F32:
+        memcpy(&f32, raw, 4);
+        return (double)f32;
+    case T_F64:
+        memcpy(&f64, raw, 8);
+        return f64;
+    case T_NONE:
+        break;
     }
     return 0;
 }
@@ -335,12 +361,13 @@ static double ply_value(ply_cursor *c, ply_type type) {
 static void ply_face(builder *b, ply_cursor *c, const ply_property *p, size_t element) {
     uint32_t corner[MAX_CORNERS];
     double n = ply_value(c, p->count_type);
-    if (n < 0 || n > MAX_CORNERS) die(EXIT_WORK, "%s: face %zu has %g corners", b->path, element, n);
+    if (n < 0 || n > MAX_CORNERS)
+        die(EXIT_WORK, "%s: face %zu has %g corners", b->path, element, n);
     for (size_t k = 0; k < (size_t)n; k++) {
         double v = ply_value(c, p->type);
         if (!(v >= 0 && v < (double)b->m.vertices)) {
-            die(EXIT_WORK, "%s: face %zu: vertex %g is out of range (%" PRIu32 " vertices)", b->path,
-                element, v, b->m.vertices);
+            die(EXIT_WORK, "%s: face %zu: vertex %g is out of range (%" PRIu32 " vertices)",
+                b->path, element, v, b->m.vertices);
         }
         corner[k] = (uint32_t)v;
     }
@@ -354,7 +381,8 @@ static void ply_item(builder *b, ply_cursor *c, const ply_element *e, size_t ite
     bool face = strcmp(e->name, "face") == 0;
     for (size_t k = 0; k < e->properties; k++) {
         const ply_property *p = &e->property[k];
-        bool corners = strcmp(p->name, "vertex_indices") == 0 || strcmp(p->name, "vertex_index") == 0;
+        bool corners =
+            strcmp(p->name, "vertex_indices") == 0 || strcmp(p->name, "vertex_index") == 0;
         if (p->count_type != T_NONE && face && corners) {
             ply_face(b, c, p, item);
         } else if (p->count_type != T_NONE) {
@@ -368,7 +396,8 @@ static void ply_item(builder *b, ply_cursor *c, const ply_element *e, size_t ite
     if (vertex) add_vertex(b, x, item + 1);
 }
 
-/* One header line, split into at most five words; returns how many, or -1 at the end of the file. */
+/* One header line, split into at most five words; returns how many, or -1 at the end of the file.
+ */
 static int ply_words(ply_cursor *c, char word[5][32]) {
     const char *line_end = memchr(c->p, '\n', (size_t)(c->end - c->p));
     if (line_end == NULL) return -1;
@@ -411,9 +440,9 @@ static void read_ply(builder *b, const char *data, size_t bytes) {
         if (n < 0) die(EXIT_WORK, "%s: the PLY header has no end", b->path);
         if (n >= 1 && strcmp(word[0], "end_header") == 0) break;
         if (n >= 2 && strcmp(word[0], "format") == 0) {
-            c.format = strcmp(word[1], "ascii") == 0 ? PLY_TEXT
+            c.format = strcmp(word[1], "ascii") == 0               ? PLY_TEXT
                        : strcmp(word[1], "binary_big_endian") == 0 ? PLY_BIG
-                                                                    : PLY_LITTLE;
+                                                                   : PLY_LITTLE;
         } else if (n == 3 && strcmp(word[0], "element") == 0 && elements < 16) {
             ply_element *e = &element[elements++];
             memcpy(e->name, word[1], sizeof e->name);
@@ -450,6 +479,7 @@ mesh mesh_load(const char *path) {
         die(EXIT_USAGE, "%s: unknown mesh format: need .obj, .stl or .ply", path);
     }
     free(data);
-    if (b.m.vertices == 0 || b.m.triangles == 0) die(EXIT_WORK, "%s: no triangles in the file", path);
+    if (b.m.vertices == 0 || b.m.triangles == 0)
+        die(EXIT_WORK, "%s: no triangles in the file", path);
     return b.m;
 }

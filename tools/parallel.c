@@ -73,7 +73,8 @@ void progress_add(double amount) {
     double left = fraction < 1 ? (t - progress.start) * (1 / fraction - 1) : 0;
     if (!progress.quiet && isatty(2)) {
         if (t - progress.shown > 0.1) {
-            fprintf(stderr, "\r%-28s %3.0f %%  %.0f s left  ", progress.stage, 100 * fraction, left);
+            fprintf(stderr, "\r%-28s %3.0f %%  %.0f s left  ", progress.stage, 100 * fraction,
+                    left);
             progress.shown = t;
         }
     } else if (!progress.quiet && fraction >= progress.next_mark && t - progress.start > 5) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Work that splits into independent items. Items are handed out dynamically, and each writes only what
- * belongs to it, so results do not depend on the number of threads.
+ * Work that splits into independent items. Items are handed out dynamically, and each writes only
+ * what belongs to it, so results do not depend on the number of threads.
  */
 #ifndef PALP_TOOLS_PARALLEL_H
 #define PALP_TOOLS_PARALLEL_H
@@ -19,8 +19,8 @@ uint32_t thread_count(void);
 void parallel_for(size_t items, work_item work, void *context);
 
 /*
- * Progress of one stage on stderr: a line that is rewritten with the time left on a terminal, a line
- * every tenth otherwise. progress_add may be called from any thread.
+ * Progress of one stage on stderr: a line that is rewritten with the time left on a terminal, a
+ * line every tenth otherwise. progress_add may be called from any thread.
  */
 void progress_begin(const char *stage, double total);
 void progress_add(double amount);

@@ -11,18 +11,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define HOLE_LIMIT 1.0   /* longest boundary loop that is closed, over the diagonal */
+#define HOLE_LIMIT 1.0 /* longest boundary loop that is closed, over the diagonal */
 #define RELAX_STEPS 12
 #define REPAIR_STEPS 40
 #define FEATURE_ROUNDS 6
 #define FEATURE_TOLERANCE 0.015 /* over the diagonal */
 #define BAD_ANGLE_DEG 9.0
-#define FACING_COSINE (-0.2) /* how far a particle may turn in one move: past a right angle, not around */
+#define FACING_COSINE                                                                              \
+    (-0.2) /* how far a particle may turn in one move: past a right angle, not around */
 
 /*
- * One level being drawn onto the original surface. Each vertex is a particle that lives on that surface and
- * remembers how it faces there: moves are tangential to the surface, not to the mesh, so that folds of the
- * mesh unfold, and a thin part's far side stays out of reach.
+ * One level being drawn onto the original surface. Each vertex is a particle that lives on that
+ * surface and remembers how it faces there: moves are tangential to the surface, not to the mesh,
+ * so that folds of the mesh unfold, and a thin part's far side stays out of reach.
  */
 typedef struct {
     mesh *m;
@@ -47,7 +48,8 @@ static void barycentric(const double x[3], const double a[3], const double b[3],
 /* To the closest point that does not face away. */
 static void draw_onto(const fit *f, uint32_t v) {
     double point[3];
-    double d = bvh_closest(f->surface, f->m->x[v], f->facing[v], FACING_COSINE, point, f->facing[v]);
+    double d =
+        bvh_closest(f->surface, f->m->x[v], f->facing[v], FACING_COSINE, point, f->facing[v]);
     if (!isfinite(d)) (void)bvh_closest(f->surface, f->m->x[v], NULL, 0, point, f->facing[v]);
     memcpy(f->m->x[v], point, sizeof point);
 }
@@ -96,8 +98,8 @@ static uint32_t nearest_vertex(const fit *f, const double x[3], const double fac
 }
 
 /*
- * Tips of ears and fingers lie between vertices. The original vertices that are farthest from the mesh get
- * the nearest mesh vertex each, which then stays there while the others even out.
+ * Tips of ears and fingers lie between vertices. The original vertices that are farthest from the
+ * mesh get the nearest mesh vertex each, which then stays there while the others even out.
  */
 static void reach_features(const fit *f, const mesh *original) {
     double tolerance = FEATURE_TOLERANCE * mesh_diagonal(original);
@@ -170,7 +172,8 @@ static void spread(const fit *f, bool *move) {
     bool *old = allocate(f->m->vertices, sizeof *old);
     memcpy(old, move, f->m->vertices * sizeof *old);
     for (uint32_t v = 0; v < f->m->vertices; v++) {
-        for (uint32_t i = f->offset[v]; old[v] && i < f->offset[v + 1]; i++) move[f->ring[i]] = true;
+        for (uint32_t i = f->offset[v]; old[v] && i < f->offset[v + 1]; i++)
+            move[f->ring[i]] = true;
     }
     free(old);
 }
@@ -190,7 +193,8 @@ static void unfold(const fit *f, const bool *bad) {
     }
 }
 
-/* Relaxes around flipped and needle triangles, base vertices included, in growing neighbourhoods. */
+/* Relaxes around flipped and needle triangles, base vertices included, in growing neighbourhoods.
+ */
 static void repair(const fit *f) {
     const mesh *m = f->m;
     bool *bad = allocate(m->triangles, sizeof *bad);
@@ -227,7 +231,8 @@ static void repair(const fit *f) {
 /* The points of the base that the vertices of its `levels`-fold midpoint refinement stand for. */
 static surface_point *refined_points(const mesh *base, uint32_t levels, mesh *refined) {
     *refined = mesh_copy(base);
-    uint32_t *parent = allocate(base->triangles, sizeof *parent); /* base triangle of each triangle */
+    uint32_t *parent =
+        allocate(base->triangles, sizeof *parent); /* base triangle of each triangle */
     for (uint32_t i = 0; i < base->triangles; i++) parent[i] = i;
     for (uint32_t l = 0; l < levels; l++) {
         mesh finer = subdivide_midpoint(refined);
@@ -244,15 +249,18 @@ static surface_point *refined_points(const mesh *base, uint32_t levels, mesh *re
         for (int k = 0; k < 3; k++) {
             surface_point *p = &point[refined->t[i][k]];
             p->triangle = parent[i];
-            barycentric(refined->x[refined->t[i][k]], base->x[b[0]], base->x[b[1]], base->x[b[2]], p->weight);
+            barycentric(refined->x[refined->t[i][k]], base->x[b[0]], base->x[b[1]], base->x[b[2]],
+                        p->weight);
         }
     }
     free(parent);
     return point;
 }
 
-/* Every vertex through the one-to-one map, then evened out along the surface; base vertices stay. */
-static mesh draw_levels(const simplified *s, const mesh *original, const bvh *surface, uint32_t levels) {
+/* Every vertex through the one-to-one map, then evened out along the surface; base vertices stay.
+ */
+static mesh draw_levels(const simplified *s, const mesh *original, const bvh *surface,
+                        uint32_t levels) {
     mesh m;
     surface_point *point = refined_points(&s->base, levels, &m);
     simplified_map(s, point, m.vertices);
@@ -288,8 +296,8 @@ static double side(const double a[3], const double b[3], const double c[3], cons
     return v_dot(n, d);
 }
 
-static bool segment_meets(const double p[3], const double q[3], const double a[3], const double b[3],
-                          const double c[3]) {
+static bool segment_meets(const double p[3], const double q[3], const double a[3],
+                          const double b[3], const double c[3]) {
     if (side(a, b, c, p) * side(a, b, c, q) >= 0) return false;
     double u = side(p, q, a, b), v = side(p, q, b, c), w = side(p, q, c, a);
     return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
@@ -311,17 +319,25 @@ static uint32_t self_intersection(const mesh *m) {
             const uint32_t *s = m->t[i], *t = m->t[j];
             if (i == j || share_vertex(s, t)) continue;
             for (int k = 0; k < 3; k++) {
-                if (segment_meets(m->x[s[k]], m->x[s[(k + 1) % 3]], m->x[t[0]], m->x[t[1]], m->x[t[2]])) return i;
+                if (segment_meets(m->x[s[k]], m->x[s[(k + 1) % 3]], m->x[t[0]], m->x[t[1]],
+                                  m->x[t[2]]))
+                    return i;
             }
         }
     }
     return UINT32_MAX;
 }
 
-/* Distances from the vertices, edge midpoints and centroids of `m` to the surface, weighted by area. */
+/* Distances from the vertices, edge midpoints and centroids of `m` to the surface, weighted by
+ * area. */
 static void one_way(const mesh *m, const bvh *surface, double *sum, double *weight, double *worst) {
-    static const double sample[7][3] = {{1, 0, 0},     {0, 1, 0},     {0, 0, 1},    {0.5, 0.5, 0},
-                                        {0, 0.5, 0.5}, {0.5, 0, 0.5}, {1 / 3.0, 1 / 3.0, 1 / 3.0}};
+    static const double sample[7][3] = {{1, 0, 0},
+                                        {0, 1, 0},
+                                        {0, 0, 1},
+                                        {0.5, 0.5, 0},
+                                        {0, 0.5, 0.5},
+                                        {0.5, 0, 0.5},
+                                        {1 / 3.0, 1 / 3.0, 1 / 3.0}};
     for (uint32_t i = 0; i < m->triangles; i++) {
         const uint32_t *t = m->t[i];
         double n[3];
@@ -329,7 +345,8 @@ static void one_way(const mesh *m, const bvh *surface, double *sum, double *weig
         for (int s = 0; s < 7; s++) {
             double x[3], p[3];
             for (int k = 0; k < 3; k++) {
-                x[k] = sample[s][0] * m->x[t[0]][k] + sample[s][1] * m->x[t[1]][k] + sample[s][2] * m->x[t[2]][k];
+                x[k] = sample[s][0] * m->x[t[0]][k] + sample[s][1] * m->x[t[1]][k] +
+                       sample[s][2] * m->x[t[2]][k];
             }
             double d = bvh_closest(surface, x, NULL, 0, p, NULL);
             *sum += d * v_norm(n);
@@ -359,7 +376,8 @@ static bool good_enough(const remesh_report *r) {
            r->smallest_angle_deg > 2;
 }
 
-mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles, remesh_report *report) {
+mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
+            remesh_report *report) {
     static const uint32_t ladder[] = {64, 80, 96, 128, 160, 220, 300, 420};
     size_t tries = base_triangles > 0 ? 1 : sizeof ladder / sizeof ladder[0];
     remesh_report r = {0}, best_report = {.max = HUGE_VAL};
@@ -382,7 +400,8 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         simplified_free(&s);
         measure(&m, in, surface, &r);
         bool better = r.flipped < best_report.flipped ||
-                      (r.flipped == best_report.flipped && r.max + 8 * r.mean < best_report.max + 8 * best_report.mean);
+                      (r.flipped == best_report.flipped &&
+                       r.max + 8 * r.mean < best_report.max + 8 * best_report.mean);
         if (best.x == NULL || better) {
             mesh_free(&best);
             best = m;
@@ -394,7 +413,9 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     }
     bvh_free(surface);
     if (best.x == NULL) {
-        die(EXIT_WORK, "%s: every base mesh intersects itself (last at base triangle %" PRIu32 "): use more --base-faces",
+        die(EXIT_WORK,
+            "%s: every base mesh intersects itself (last at base triangle %" PRIu32
+            "): use more --base-faces",
             path, cut);
     }
     if (report != NULL) *report = best_report;
@@ -406,9 +427,12 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
 static const char remesh_help[] =
     "usage: palp remesh IN.(obj|stl|ply) -o OUT.obj [--levels 3] [--base-faces N]\n"
     "\n"
-    "Turns a closed triangle mesh into one with subdivision connectivity: a coarse base, every triangle split\n"
-    "in four `--levels` times, vertices in coarse-to-fine order. Unused vertices are dropped and small holes\n"
-    "closed. Without --base-faces the base is the coarsest that stays within 0.5 % (mean) and 4 % (max) of the\n"
+    "Turns a closed triangle mesh into one with subdivision connectivity: a coarse base, every "
+    "triangle split\n"
+    "in four `--levels` times, vertices in coarse-to-fine order. Unused vertices are dropped and "
+    "small holes\n"
+    "closed. Without --base-faces the base is the coarsest that stays within 0.5 % (mean) and 4 % "
+    "(max) of the\n"
     "bounding box diagonal.\n";
 
 static const char subdivide_help[] =
@@ -451,20 +475,25 @@ int command_remesh(int argc, char **argv) {
     remesh_report r;
     mesh m = remesh(&in, s.input, s.levels, s.base_faces, &r);
     if (r.flipped > 0) {
-        die(EXIT_WORK, "%s: %" PRIu32 " triangle(s) stay flipped: try --base-faces %" PRIu32, s.input, r.flipped,
-            2 * r.base_triangles);
+        die(EXIT_WORK, "%s: %" PRIu32 " triangle(s) stay flipped: try --base-faces %" PRIu32,
+            s.input, r.flipped, 2 * r.base_triangles);
     }
     mesh_save_obj(&m, s.output);
-    printf("input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices, in.triangles);
+    printf("input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices,
+           in.triangles);
     if (r.dropped > 0) printf(", %" PRIu32 " unused vertices dropped", r.dropped);
     if (r.filled > 0) printf(", %" PRIu32 " hole(s) closed", r.filled);
-    printf("\nbase                  %" PRIu32 " triangles, %" PRIu32 " refinement(s)\n", r.base_triangles, s.levels);
-    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices, m.triangles);
-    printf("distance              mean %.3f %%, max %.3f %% of the diagonal\n", 100 * r.mean, 100 * r.max);
+    printf("\nbase                  %" PRIu32 " triangles, %" PRIu32 " refinement(s)\n",
+           r.base_triangles, s.levels);
+    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
+           m.triangles);
+    printf("distance              mean %.3f %%, max %.3f %% of the diagonal\n", 100 * r.mean,
+           100 * r.max);
     printf("flipped triangles     %" PRIu32 "\n", r.flipped);
     printf("smallest angle        %.2f degrees\n", r.smallest_angle_deg);
     if (r.mean > REMESH_MEAN || r.max > REMESH_MAX) {
-        warn("%s: the result is farther from the surface than %g %% (mean) or %g %% (max): try --base-faces %" PRIu32,
+        warn("%s: the result is farther from the surface than %g %% (mean) or %g %% (max): try "
+             "--base-faces %" PRIu32,
              s.input, 100 * REMESH_MEAN, 100 * REMESH_MAX, 2 * r.base_triangles);
     }
     return EXIT_SUCCESS;
@@ -481,6 +510,7 @@ int command_subdivide(int argc, char **argv) {
         m = finer;
     }
     mesh_save_obj(&m, s.output);
-    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices, m.triangles);
+    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
+           m.triangles);
     return EXIT_SUCCESS;
 }

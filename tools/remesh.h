@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* A mesh with subdivision connectivity that approximates a given surface (MATH.md 3 of the design). */
+/* A mesh with subdivision connectivity that approximates a given surface (MATH.md 3 of the design).
+ */
 #ifndef PALP_TOOLS_REMESH_H
 #define PALP_TOOLS_REMESH_H
 
@@ -7,8 +8,8 @@
 
 typedef struct {
     uint32_t base_triangles;
-    double mean, max;        /* distance between the surfaces, both ways, over the bounding box diagonal */
-    uint32_t flipped;        /* triangles that face against their neighbours */
+    double mean, max; /* distance between the surfaces, both ways, over the bounding box diagonal */
+    uint32_t flipped; /* triangles that face against their neighbours */
     double smallest_angle_deg;
     uint32_t dropped, filled; /* unused vertices removed, holes closed */
 } remesh_report;
@@ -18,10 +19,11 @@ typedef struct {
 
 /*
  * Simplifies `in` (repaired in place: unused vertices go, small holes close) to a base of about
- * `base_triangles` (0: as few as meet the limits above), splits it `levels` times and draws each level
- * onto the surface. Exits with the element named when the input is no closed manifold component, or
- * when no base without self-intersections is found.
+ * `base_triangles` (0: as few as meet the limits above), splits it `levels` times and draws each
+ * level onto the surface. Exits with the element named when the input is no closed manifold
+ * component, or when no base without self-intersections is found.
  */
-mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles, remesh_report *report);
+mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
+            remesh_report *report);
 
 #endif

@@ -9,7 +9,8 @@
 enum { UNKNOWN, EVEN, ODD };
 #define SEED_TRIES 8u
 
-/* Triangles around each vertex of the current level (vertex numbers stay those of the finest mesh). */
+/* Triangles around each vertex of the current level (vertex numbers stay those of the finest mesh).
+ */
 typedef struct {
     uint32_t vertices, triangles;
     const uint32_t (*t)[3];
@@ -212,8 +213,10 @@ static mesh split(const mesh *m, mesh_edge **edges, uint32_t *count) {
         for (int k = 0; k < 3; k++) {
             odd[k] = m->vertices + edge_index(*edges, *count, t[k], t[(k + 1) % 3]);
         }
-        const uint32_t child[4][3] = {{t[0], odd[0], odd[2]}, {t[1], odd[1], odd[0]},
-                                      {t[2], odd[2], odd[1]}, {odd[0], odd[1], odd[2]}};
+        const uint32_t child[4][3] = {{t[0], odd[0], odd[2]},
+                                      {t[1], odd[1], odd[0]},
+                                      {t[2], odd[2], odd[1]},
+                                      {odd[0], odd[1], odd[2]}};
         memcpy(r.t + 4 * i, child, sizeof child);
     }
     return r;
@@ -243,7 +246,8 @@ mesh subdivide_loop(const mesh *m) {
         const double *c = m->x[opposite(m->t[e->triangle[0]], e->a, e->b)];
         const double *d = m->x[opposite(m->t[e->triangle[1]], e->a, e->b)];
         for (int k = 0; k < 3; k++) {
-            r.x[m->vertices + i][k] = 0.375 * (m->x[e->a][k] + m->x[e->b][k]) + 0.125 * (c[k] + d[k]);
+            r.x[m->vertices + i][k] =
+                0.375 * (m->x[e->a][k] + m->x[e->b][k]) + 0.125 * (c[k] + d[k]);
         }
     }
     mesh_rings(m, &offset, &ring);

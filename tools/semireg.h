@@ -15,8 +15,8 @@ typedef struct {
 } semireg;
 
 /*
- * Undoes one-to-four splits for as long as the connectivity allows, whatever the order of the vertices; a
- * mesh without subdivision connectivity has one level.
+ * Undoes one-to-four splits for as long as the connectivity allows, whatever the order of the
+ * vertices; a mesh without subdivision connectivity has one level.
  */
 semireg semireg_detect(const mesh *m);
 void semireg_free(semireg *s);

@@ -57,7 +57,8 @@ void sha256(const void *data, size_t bytes, uint8_t digest[32]) {
     uint8_t *padded = allocate(blocks, 64);
     memcpy(padded, data, bytes);
     padded[bytes] = 0x80;
-    for (size_t i = 0; i < 8; i++) padded[64 * blocks - 1 - i] = (uint8_t)((uint64_t)bytes * 8 >> (8 * i));
+    for (size_t i = 0; i < 8; i++)
+        padded[64 * blocks - 1 - i] = (uint8_t)((uint64_t)bytes * 8 >> (8 * i));
     for (size_t i = 0; i < blocks; i++) process(h, k, padded + 64 * i);
     for (size_t i = 0; i < 32; i++) digest[i] = (uint8_t)(h[i / 4] >> (24 - 8 * (i % 4)));
     free(padded);

@@ -20,8 +20,8 @@ typedef struct {
 } collapse;
 
 /*
- * One collapse: the triangles of the patch with their corners in the plane. The first `after` of them live
- * on; the rest vanish with the edge.
+ * One collapse: the triangles of the patch with their corners in the plane. The first `after` of
+ * them live on; the rest vanish with the edge.
  */
 typedef struct {
     uint32_t triangle;
@@ -54,7 +54,8 @@ typedef struct {
 } work;
 
 static void add_plane(quadric *q, const double n[3], double d, double weight) {
-    const double a[6] = {n[0] * n[0], n[0] * n[1], n[0] * n[2], n[1] * n[1], n[1] * n[2], n[2] * n[2]};
+    const double a[6] = {n[0] * n[0], n[0] * n[1], n[0] * n[2],
+                         n[1] * n[1], n[1] * n[2], n[2] * n[2]};
     for (int k = 0; k < 6; k++) q->a[k] += weight * a[k];
     for (int k = 0; k < 3; k++) q->b[k] += weight * d * n[k];
     q->c += weight * d * d;
@@ -103,8 +104,8 @@ static double quality(const double a[3], const double b[3], const double c[3], d
 }
 
 /*
- * Worst quality of the triangles that keep one of a, b when both move to x; negative when one turns by more
- * than about 75 degrees.
+ * Worst quality of the triangles that keep one of a, b when both move to x; negative when one turns
+ * by more than about 75 degrees.
  */
 static double worst_after(const work *w, uint32_t a, uint32_t b, const double x[3]) {
     double worst = 1;
@@ -155,8 +156,8 @@ static collapse pop(work *w) {
 }
 
 /*
- * Error of the merged quadric, a little edge length so that flat parts shrink evenly, all divided by the
- * quality that would remain, so that slivers come last.
+ * Error of the merged quadric, a little edge length so that flat parts shrink evenly, all divided
+ * by the quality that would remain, so that slivers come last.
  */
 static void consider(work *w, uint32_t a, uint32_t b) {
     quadric q = w->q[a];
@@ -167,7 +168,8 @@ static void consider(work *w, uint32_t a, uint32_t b) {
     double length = v_distance(w->m.x[a], w->m.x[b]);
     for (int k = 0; k < 3; k++) c.x[k] = 0.5 * (w->m.x[a][k] + w->m.x[b][k]);
     double optimum[3];
-    if (minimise(&q, optimum) && v_distance(optimum, c.x) < length) memcpy(c.x, optimum, sizeof optimum);
+    if (minimise(&q, optimum) && v_distance(optimum, c.x) < length)
+        memcpy(c.x, optimum, sizeof optimum);
     double worst = worst_after(w, a, b, c.x);
     if (worst < 0) return;
     double error = fmax(evaluate(&q, c.x), 0);
@@ -234,14 +236,15 @@ static double mean_value(const work *w, uint32_t v, uint32_t u) {
         v_sub(w->m.x[q], w->m.x[v], e);
         v_cross(d, e, n);
         double sine = v_norm(n), cosine = v_dot(d, e);
-        sum += sine / (fmax(v_norm(d) * v_norm(e) + cosine, 0) + 1e-9 * v_norm(d) * v_norm(e) + 1e-300);
+        sum += sine /
+               (fmax(v_norm(d) * v_norm(e) + cosine, 0) + 1e-9 * v_norm(d) * v_norm(e) + 1e-300);
     }
     return sum / (v_distance(w->m.x[v], w->m.x[u]) + 1e-300) + 1e-300;
 }
 
 /* Weighted sum of the ring neighbours of v in the plane, without the edge to `other`. */
-static double pull(const work *w, uint32_t v, uint32_t other, const uint32_t *ring, const double (*uv)[2],
-                   uint32_t n, double sum[2]) {
+static double pull(const work *w, uint32_t v, uint32_t other, const uint32_t *ring,
+                   const double (*uv)[2], uint32_t n, double sum[2]) {
     double total = 0;
     sum[0] = sum[1] = 0;
     for (uint32_t i = 0; i < n; i++) {
@@ -262,7 +265,8 @@ static double pull(const work *w, uint32_t v, uint32_t other, const uint32_t *ri
 /* Ring on a circle, arcs in proportion to edge lengths. */
 static void flatten_ring(const work *w, const uint32_t *ring, uint32_t n, double (*uv)[2]) {
     double total = 0, at = 0;
-    for (uint32_t i = 0; i < n; i++) total += v_distance(w->m.x[ring[i]], w->m.x[ring[(i + 1) % n]]);
+    for (uint32_t i = 0; i < n; i++)
+        total += v_distance(w->m.x[ring[i]], w->m.x[ring[(i + 1) % n]]);
     for (uint32_t i = 0; i < n; i++) {
         uv[i][0] = cos(2 * 3.14159265358979323846 * at);
         uv[i][1] = sin(2 * 3.14159265358979323846 * at);
@@ -271,8 +275,9 @@ static void flatten_ring(const work *w, const uint32_t *ring, uint32_t n, double
     }
 }
 
-static void corner_uv(const uint32_t t[3], const uint32_t *ring, const double (*uv)[2], uint32_t n, uint32_t a,
-                      const double at_a[2], uint32_t b, const double at_b[2], double out[3][2]) {
+static void corner_uv(const uint32_t t[3], const uint32_t *ring, const double (*uv)[2], uint32_t n,
+                      uint32_t a, const double at_a[2], uint32_t b, const double at_b[2],
+                      double out[3][2]) {
     for (int k = 0; k < 3; k++) {
         const double *from = t[k] == a ? at_a : t[k] == b ? at_b : NULL;
         for (uint32_t i = 0; i < n && from == NULL; i++) {
@@ -283,7 +288,8 @@ static void corner_uv(const uint32_t t[3], const uint32_t *ring, const double (*
 }
 
 /* The flattened patch before the collapse of b into a; false when the patch is no disc. */
-static bool log_before(work *w, uint32_t a, uint32_t b, uint32_t *ring, double (*uv)[2], uint32_t *n) {
+static bool log_before(work *w, uint32_t a, uint32_t b, uint32_t *ring, double (*uv)[2],
+                       uint32_t *n) {
     collapse_log *l = w->log;
     *n = ordered_ring(w, a, b, ring);
     if (*n < 3) return false;
@@ -306,7 +312,8 @@ static bool log_before(work *w, uint32_t a, uint32_t b, uint32_t *ring, double (
                 const uint32_t *t = w->m.t[id];
                 bool both = t[0] == other || t[1] == other || t[2] == other;
                 if (both != (shared == 1) || (both && side == 1)) continue;
-                l->triangles = grow(l->triangles, &l->triangle_capacity, l->used + 1, sizeof *l->triangles);
+                l->triangles =
+                    grow(l->triangles, &l->triangle_capacity, l->used + 1, sizeof *l->triangles);
                 patch_triangle *q = &l->triangles[l->used++];
                 q->triangle = id;
                 corner_uv(t, ring, (const double(*)[2])uv, *n, a, at_a, b, at_b, q->before);
@@ -320,7 +327,8 @@ static bool log_before(work *w, uint32_t a, uint32_t b, uint32_t *ring, double (
     return true;
 }
 
-static void log_after(work *w, uint32_t a, const uint32_t *ring, const double (*uv)[2], uint32_t n) {
+static void log_after(work *w, uint32_t a, const uint32_t *ring, const double (*uv)[2],
+                      uint32_t n) {
     const patch *p = &w->log->patches[w->log->count - 1];
     double at_a[2];
     double total = pull(w, a, a, ring, uv, n, at_a);
@@ -333,10 +341,13 @@ static void log_after(work *w, uint32_t a, const uint32_t *ring, const double (*
 
 /* Barycentric weights of (x, y) in a flat triangle; returns the smallest. */
 static double locate(double c[3][2], const double x[2], double weight[3]) {
-    double det = (c[1][0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (c[1][1] - c[0][1]);
+    double det =
+        (c[1][0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (c[1][1] - c[0][1]);
     if (!(fabs(det) > 1e-300)) return -1e300;
-    weight[1] = ((x[0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (x[1] - c[0][1])) / det;
-    weight[2] = ((c[1][0] - c[0][0]) * (x[1] - c[0][1]) - (x[0] - c[0][0]) * (c[1][1] - c[0][1])) / det;
+    weight[1] =
+        ((x[0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (x[1] - c[0][1])) / det;
+    weight[2] =
+        ((c[1][0] - c[0][0]) * (x[1] - c[0][1]) - (x[0] - c[0][0]) * (c[1][1] - c[0][1])) / det;
     weight[0] = 1 - weight[1] - weight[2];
     return fmin(weight[0], fmin(weight[1], weight[2]));
 }
@@ -433,7 +444,8 @@ static void apply(work *w, const collapse *c) {
     log_after(w, a, loop, (const double(*)[2])uv, loop_length);
     uint32_t ring[MAX_RING];
     uint32_t n = ring_of(w, a, ring);
-    for (uint32_t i = 0; i < n; i++) consider(w, a < ring[i] ? a : ring[i], a < ring[i] ? ring[i] : a);
+    for (uint32_t i = 0; i < n; i++)
+        consider(w, a < ring[i] ? a : ring[i], a < ring[i] ? ring[i] : a);
 }
 
 static work start(const mesh *m) {
@@ -473,7 +485,8 @@ simplified simplify(const mesh *m, uint32_t triangles) {
         if (!links_in_two(&w, c.a, c.b) || worst_after(&w, c.a, c.b, c.x) < 0) continue;
         apply(&w, &c);
     }
-    simplified s = {.base = w.m, .log = w.log, .triangle_of = allocate(w.alive, sizeof *s.triangle_of)};
+    simplified s = {
+        .base = w.m, .log = w.log, .triangle_of = allocate(w.alive, sizeof *s.triangle_of)};
     uint32_t kept = 0;
     for (uint32_t i = 0; i < m->triangles; i++) {
         if (w.dead[i]) continue;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Simplification by edge collapse under quadric error (Garland and Heckbert 1997), with a one-to-one map
- * from the simplified surface back to the original: every collapse flattens the patch that it changes, before
- * and after, into the same convex polygon, and a point goes through all of them in reverse (successive
- * self-parameterisation, Liu et al. 2021).
+ * Simplification by edge collapse under quadric error (Garland and Heckbert 1997), with a
+ * one-to-one map from the simplified surface back to the original: every collapse flattens the
+ * patch that it changes, before and after, into the same convex polygon, and a point goes through
+ * all of them in reverse (successive self-parameterisation, Liu et al. 2021).
  */
 #ifndef PALP_TOOLS_SIMPLIFY_H
 #define PALP_TOOLS_SIMPLIFY_H
@@ -25,8 +25,8 @@ typedef struct {
 } simplified;
 
 /*
- * Collapses edges of a closed manifold mesh until at most `triangles` remain or no collapse is left that
- * keeps the surface manifold and unflipped. The genus does not change.
+ * Collapses edges of a closed manifold mesh until at most `triangles` remain or no collapse is left
+ * that keeps the surface manifold and unflipped. The genus does not change.
  */
 simplified simplify(const mesh *m, uint32_t triangles);
 void simplified_free(simplified *s);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* What every host program needs: fatal errors, checked allocation, output files that appear whole. */
+/* What every host program needs: fatal errors, checked allocation, output files that appear whole.
+ */
 #ifndef PALP_TOOLS_UTIL_H
 #define PALP_TOOLS_UTIL_H
 
@@ -26,12 +27,13 @@ void *allocate_aligned(size_t count, size_t size);
 void *grow(void *array, size_t *capacity, size_t need, size_t size);
 char *copy_string(const char *text);
 
-/* Whole file, NUL-terminated behind `bytes`, 64-byte aligned; "-" reads standard input. Exits if absent. */
+/* Whole file, NUL-terminated behind `bytes`, 64-byte aligned; "-" reads standard input. Exits if
+ * absent. */
 char *read_file(const char *path, size_t *bytes);
 
 /*
- * An output file that is written beside its final name and renamed by commit_output, so that a failure
- * leaves nothing. "-" is standard output.
+ * An output file that is written beside its final name and renamed by commit_output, so that a
+ * failure leaves nothing. "-" is standard output.
  */
 typedef struct {
     FILE *file;

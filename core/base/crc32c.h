@@ -8,7 +8,8 @@
 
 /*
  * CRC of `bytes` bytes at `data`, continuing `crc` (0 to start), so that
- * crc(ab) = palp_crc32c(palp_crc32c(0, a), b). Cost: one look-up per byte in a constant table of 1 KiB.
+ * crc(ab) = palp_crc32c(palp_crc32c(0, a), b). Cost: one look-up per byte in a constant table of 1
+ * KiB.
  */
 uint32_t palp_crc32c(uint32_t crc, const void *data, size_t bytes);
 

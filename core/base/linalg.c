@@ -11,7 +11,8 @@ palp_status palp_chol_factor(float *a, size_t n, size_t stride) {
     for (size_t j = 0; j < n; j++) {
         float *row = a + j * stride;
         float diagonal = row[j];
-        /* The pivot is what elimination left of the diagonal; the sum of squares above it is the rest. */
+        /* The pivot is what elimination left of the diagonal; the sum of squares above it is the
+         * rest. */
         float removed = 0.0f;
         for (size_t i = 0; i < j; i++) removed += a[i * stride + j] * a[i * stride + j];
         if (!(diagonal > PALP_PIVOT_MIN * (diagonal + removed))) return PALP_ERR_NOT_SPD;
@@ -129,7 +130,8 @@ static void split(float x, float *hi, float *lo) {
     *lo = x - *hi;
 }
 
-void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n, size_t stride) {
+void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n,
+                   size_t stride) {
     for (size_t i = 0; i < n; i++) {
         float sum = b[i];
         float error = 0.0f;

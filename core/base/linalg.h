@@ -2,9 +2,10 @@
 /*
  * Small dense linear algebra on row-major float matrices a[i * stride + k].
  *
- * Symmetric positive definite: C = R^T R with R upper triangular, which makes every inner loop but the
- * back substitution an axpy on a contiguous row: vector code over independent outputs, one fixed
- * order of summation. General: P A = L U with partial pivoting. Costs count multiply-add pairs.
+ * Symmetric positive definite: C = R^T R with R upper triangular, which makes every inner loop but
+ * the back substitution an axpy on a contiguous row: vector code over independent outputs, one
+ * fixed order of summation. General: P A = L U with partial pivoting. Costs count multiply-add
+ * pairs.
  */
 #ifndef PALP_BASE_LINALG_H
 #define PALP_BASE_LINALG_H
@@ -23,12 +24,13 @@
 palp_status palp_chol_factor(float *a, size_t n, size_t stride);
 
 /*
- * Grows R from n x n to (n+1) x (n+1): `column` holds c_0..c_n, the new column of C, and is destroyed.
- * PALP_ERR_NOT_SPD leaves R as it was. n^2/2.
+ * Grows R from n x n to (n+1) x (n+1): `column` holds c_0..c_n, the new column of C, and is
+ * destroyed. PALP_ERR_NOT_SPD leaves R as it was. n^2/2.
  */
 palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column);
 
-/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2 n^2. */
+/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2 n^2.
+ */
 void palp_chol_remove(float *r, size_t n, size_t stride, size_t index);
 
 /* b := C^-1 b. n^2. */
@@ -39,8 +41,8 @@ void palp_chol_forward(const float *r, size_t n, size_t stride, float *b);
 void palp_chol_backward(const float *r, size_t n, size_t stride, float *b);
 
 /*
- * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below PALP_PIVOT_MIN
- * times the largest entry of its original row. n^3/3.
+ * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below
+ * PALP_PIVOT_MIN times the largest entry of its original row. n^3/3.
  */
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride);
 
@@ -49,8 +51,10 @@ void palp_lu_solve(const float *lu, const uint32_t *perm, size_t n, size_t strid
 
 /*
  * r = b - A x, each entry summed in twice the working precision (error-free products and sums), so
- * that a step of iterative refinement recovers the solution of A to working precision. About 20 n^2.
+ * that a step of iterative refinement recovers the solution of A to working precision. About 20
+ * n^2.
  */
-void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n, size_t stride);
+void palp_residual(const float *a, const float *x, const float *b, float *r, size_t n,
+                   size_t stride);
 
 #endif

@@ -2,8 +2,8 @@
 /*
  * Single-precision scalars and 3-vectors without libm.
  *
- * Only operations that IEEE 754 rounds correctly (+ - * / sqrt) are used, in a fixed order, so every
- * platform computes the same bits when contraction is off.
+ * Only operations that IEEE 754 rounds correctly (+ - * / sqrt) are used, in a fixed order, so
+ * every platform computes the same bits when contraction is off.
  */
 #ifndef PALP_BASE_REAL_H
 #define PALP_BASE_REAL_H
@@ -21,7 +21,9 @@ static inline float palp_sqrt(float x) { return __builtin_sqrtf(x); }
 static inline float palp_abs(float x) { return __builtin_fabsf(x); }
 static inline float palp_min(float a, float b) { return a < b ? a : b; }
 static inline float palp_max(float a, float b) { return a > b ? a : b; }
-static inline float palp_clamp(float x, float lo, float hi) { return palp_min(palp_max(x, lo), hi); }
+static inline float palp_clamp(float x, float lo, float hi) {
+    return palp_min(palp_max(x, lo), hi);
+}
 
 /* False for NaN and infinities; looks at bits, so no compiler flag can fold it away. */
 static inline bool palp_is_finite(float x) {

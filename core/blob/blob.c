@@ -103,7 +103,8 @@ static void check_table(reader *r) {
     if (r->status == PALP_OK && at != r->bytes) fail(r, PALP_ERR_TABLE);
 }
 
-/* The section of `type`, which must hold `count` elements of `size` bytes; NULL and an error if not. */
+/* The section of `type`, which must hold `count` elements of `size` bytes; NULL and an error if
+ * not. */
 static const void *section(reader *r, uint32_t type, uint64_t count, size_t size) {
     if (r->status != PALP_OK) return NULL;
     for (uint32_t i = 0; i < r->sections; i++) {
@@ -147,7 +148,8 @@ static const uint32_t *offsets(reader *r, uint32_t type, uint32_t count, uint32_
     const uint32_t *x = section(r, type, (uint64_t)count + 1u, sizeof(uint32_t));
     if (x == NULL) return NULL;
     require(r, x[0] == 0u);
-    for (uint32_t i = 0; i < count; i++) require(r, x[i + 1] >= x[i] && x[i + 1] - x[i] <= max_step);
+    for (uint32_t i = 0; i < count; i++)
+        require(r, x[i + 1] >= x[i] && x[i + 1] - x[i] <= max_step);
     return r->status == PALP_OK ? x : NULL;
 }
 
@@ -160,12 +162,18 @@ static void check_meta(reader *r, const palp_meta *m) {
     require(r, m->max_ring >= 3u && m->max_ring < m->nodes);
     require(r, m->max_row >= 1u && m->max_row <= m->nodes);
     for (int axis = 0; axis < 3; axis++) require(r, m->cells[axis] >= 1u && m->cells[axis] <= 256u);
-    const float number[] = {m->young_Pa,     m->poisson,
-                            m->density_kg_m3, m->epsilon,
-                            m->rms_error,    m->max_error,
-                            m->mean_edge_m,  m->stiffness_min_N_per_m,
-                            m->cell_size_m,  m->stiffness_max_N_per_m,
-                            m->reciprocity_residual, m->equilibrium_residual};
+    const float number[] = {m->young_Pa,
+                            m->poisson,
+                            m->density_kg_m3,
+                            m->epsilon,
+                            m->rms_error,
+                            m->max_error,
+                            m->mean_edge_m,
+                            m->stiffness_min_N_per_m,
+                            m->cell_size_m,
+                            m->stiffness_max_N_per_m,
+                            m->reciprocity_residual,
+                            m->equilibrium_residual};
     for (size_t i = 0; i < sizeof number / sizeof number[0]; i++) {
         if (!palp_is_finite(number[i])) fail(r, PALP_ERR_NOT_FINITE);
     }
@@ -191,7 +199,8 @@ static void read_mesh(reader *r, palp_blob *b) {
     b->ring = indices(r, PALP_SEC_RING, b->ring_offset[m->nodes], 1, m->nodes);
     b->cell_node = indices(r, PALP_SEC_CELL_NODE, m->nodes, 1, m->nodes);
     require(r, b->cell_offset[cells] == m->nodes);
-    for (uint32_t i = 0; i < m->nodes && r->status == PALP_OK; i++) require(r, b->area_m2[i] > 0.0f);
+    for (uint32_t i = 0; i < m->nodes && r->status == PALP_OK; i++)
+        require(r, b->area_m2[i] > 0.0f);
 }
 
 static void read_slots(reader *r, palp_blob *b) {
@@ -259,7 +268,8 @@ static void read_columns(reader *r, palp_blob *b, uint32_t row, uint32_t column)
     uint32_t groups = v->offset[v->columns];
     v->index = section(r, PALP_SEC_COL_INDEX + block, groups, PALP_LANES * sizeof(uint16_t));
     if ((m->flags & PALP_META_HALF) != 0u) {
-        v->half = section(r, PALP_SEC_COL_VALUE + block, groups, PALP_GROUP_VALUES * sizeof(uint16_t));
+        v->half =
+            section(r, PALP_SEC_COL_VALUE + block, groups, PALP_GROUP_VALUES * sizeof(uint16_t));
         if (v->half != NULL) check_half(r, v->half, (uint64_t)groups * PALP_GROUP_VALUES);
     } else {
         v->value = floats(r, PALP_SEC_COL_VALUE + block, groups, PALP_GROUP_VALUES);

@@ -4,7 +4,8 @@
  *
  * palp_blob_open() checks everything that later code relies on: layout, CRCs, counts, index ranges,
  * orders, finite values. After PALP_OK nothing that reads through the views can leave the blob,
- * whatever its bytes are. The blob must stay mapped and unchanged for as long as the views are used.
+ * whatever its bytes are. The blob must stay mapped and unchanged for as long as the views are
+ * used.
  */
 #ifndef PALP_BLOB_BLOB_H
 #define PALP_BLOB_BLOB_H
@@ -15,9 +16,9 @@
 
 /*
  * One wavelet domain D (MR 4.1): its nodes in coarse-to-fine order and the lifted linear filters.
- * Slots of level l are [level_start[l], level_start[l+1]). The slots of level l >= 1 are odd: each has
- * two parents on coarser levels with prediction weights w_ma and update weights s_am; a parent that is
- * missing from the domain has weight 0 and stands as slot 0.
+ * Slots of level l are [level_start[l], level_start[l+1]). The slots of level l >= 1 are odd: each
+ * has two parents on coarser levels with prediction weights w_ma and update weights s_am; a parent
+ * that is missing from the domain has weight 0 and stands as slot 0.
  */
 typedef struct {
     uint32_t slots, levels;
@@ -31,9 +32,10 @@ typedef struct {
 } palp_domain;
 
 /*
- * One block of wavelet-transformed GF columns (MR 28-30): rows of one domain, columns of another. Each
- * column is a run of groups of PALP_LANES 3x3 blocks; entry e of the block in lane k of group g is at
- * value[(9 g + e) * PALP_LANES + k]. The last group is padded with zero blocks on its last row.
+ * One block of wavelet-transformed GF columns (MR 28-30): rows of one domain, columns of another.
+ * Each column is a run of groups of PALP_LANES 3x3 blocks; entry e of the block in lane k of group
+ * g is at value[(9 g + e) * PALP_LANES + k]. The last group is padded with zero blocks on its last
+ * row.
  */
 typedef struct {
     uint32_t columns, rows;
@@ -46,12 +48,12 @@ typedef struct {
 
 typedef struct {
     const palp_meta *meta;
-    const float *rest_m;          /* [nodes][3] */
-    const float *normal;          /* [nodes][3] */
-    const float *area_m2;         /* [nodes] */
-    const uint32_t *triangle;     /* [triangles][3] */
-    const uint32_t *slot;         /* [nodes] */
-    const uint32_t *ring_offset;  /* [nodes + 1] */
+    const float *rest_m;         /* [nodes][3] */
+    const float *normal;         /* [nodes][3] */
+    const float *area_m2;        /* [nodes] */
+    const uint32_t *triangle;    /* [triangles][3] */
+    const uint32_t *slot;        /* [nodes] */
+    const uint32_t *ring_offset; /* [nodes + 1] */
     const uint32_t *ring;
     const uint32_t *cell_offset;
     const uint32_t *cell_node;

@@ -16,10 +16,10 @@
 #define PALP_BLOB_VERSION 1u
 #define PALP_BLOB_BYTE_ORDER 0x01020304u
 #define PALP_BLOB_ALIGN 64u
-#define PALP_MAX_LEVELS 12u     /* levels 0..11 */
-#define PALP_MAX_NODES 65535u   /* row indices are 16 bits wide */
-#define PALP_LANES 8u           /* 3x3 blocks per group in a column */
-#define PALP_GROUP_VALUES 72u   /* nine entries, each PALP_LANES wide */
+#define PALP_MAX_LEVELS 12u   /* levels 0..11 */
+#define PALP_MAX_NODES 65535u /* row indices are 16 bits wide */
+#define PALP_LANES 8u         /* 3x3 blocks per group in a column */
+#define PALP_GROUP_VALUES 72u /* nine entries, each PALP_LANES wide */
 #define PALP_FIXED_FLAG 0x80000000u
 
 /* The two domains of the reference boundary value problem (MR 21-24). */
@@ -46,7 +46,8 @@ typedef struct {
     uint32_t reserved;
 } palp_blob_entry;
 
-/* Per-domain and per-block sections add the domain (or 2 * row domain + column domain) to the type. */
+/* Per-domain and per-block sections add the domain (or 2 * row domain + column domain) to the type.
+ */
 typedef enum {
     PALP_SEC_META = 1,
     PALP_SEC_REST = 2,          /* f32[nodes][3] rest positions, m */
@@ -74,7 +75,8 @@ typedef enum {
 #define PALP_META_LIFTED 1u    /* lifted wavelets */
 #define PALP_META_SYMMETRIC 2u /* reciprocity enforced: G_FF is symmetric positive definite */
 #define PALP_META_GRAVITY 4u   /* the last column of each F column set is the gravity response */
-#define PALP_META_FIXED_COLUMNS 8u /* columns of the fixed nodes are there: they can be released */
+#define PALP_META_FIXED_COLUMNS 8u /* columns of the fixed nodes are there: they can be released   \
+                                    */
 #define PALP_META_REACTIONS 16u    /* rows of the fixed nodes are there: reactions are known */
 #define PALP_META_HALF 32u         /* IEEE half storage */
 #define PALP_META_BUTTERFLY 64u    /* predicted by the butterfly stencil (study only) */
@@ -88,9 +90,9 @@ typedef struct {
     uint32_t cells[3];    /* search grid */
     uint64_t free_blocks; /* stored free-free blocks, gravity column apart */
     float young_Pa, poisson, density_kg_m3, epsilon;
-    float rms_error, max_error;     /* MR 70, 71, free-free */
-    float reciprocity_residual;     /* |G - G^T|_F / |G|_F before it was enforced */
-    float stiffness_min_N_per_m;    /* 1 / (n^T G_jj n) over the free nodes */
+    float rms_error, max_error;  /* MR 70, 71, free-free */
+    float reciprocity_residual;  /* |G - G^T|_F / |G|_F before it was enforced */
+    float stiffness_min_N_per_m; /* 1 / (n^T G_jj n) over the free nodes */
     float stiffness_max_N_per_m;
     float mean_edge_m;
     float box_min_m[3], box_max_m[3];

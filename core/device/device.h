@@ -7,9 +7,9 @@
 
 typedef struct {
     palp_arm arm;
-    uint8_t node_id[PALP_AXES];          /* drive of each joint */
-    float gear[PALP_AXES];               /* motor revolutions per joint revolution, sign = direction */
-    float counts_per_rev;                /* encoder, per motor revolution */
+    uint8_t node_id[PALP_AXES]; /* drive of each joint */
+    float gear[PALP_AXES];      /* motor revolutions per joint revolution, sign = direction */
+    float counts_per_rev;       /* encoder, per motor revolution */
     float joint_min_rad[PALP_AXES], joint_max_rad[PALP_AXES];
     float motor_torque_max_Nm;
     float force_max_N, slew_max_N_per_s, speed_max_m_s;

@@ -9,9 +9,8 @@ palp_arm_pose palp_arm_forward(const palp_arm *arm, const float q_rad[PALP_AXES]
     float rho = a * c[1] + b * s[2];
     palp_arm_pose pose = {
         .tip_m = {rho * c[0] - a, rho * s[0], a * s[1] - b * c[2] + b},
-        .jacobian = {-rho * s[0], -a * s[1] * c[0], b * c[2] * c[0],
-                     rho * c[0],  -a * s[1] * s[0], b * c[2] * s[0],
-                     0.0f,        a * c[1],         b * s[2]},
+        .jacobian = {-rho * s[0], -a * s[1] * c[0], b * c[2] * c[0], rho * c[0], -a * s[1] * s[0],
+                     b * c[2] * s[0], 0.0f, a * c[1], b * s[2]},
     };
     return pose;
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The PHANTOM-like three-axis arm: a yaw axis carrying an upper arm (length a, elevation q2) and a forearm
- * (length b, angle q3 from straight down), both driven from the base. Tip, with the home pose q = 0 as origin:
+ * The PHANTOM-like three-axis arm: a yaw axis carrying an upper arm (length a, elevation q2) and a
+ * forearm (length b, angle q3 from straight down), both driven from the base. Tip, with the home
+ * pose q = 0 as origin:
  *
  *     rho = a cos q2 + b sin q3
  *     x = rho cos q1 - a,   y = rho sin q1,   z = a sin q2 - b cos q3 + b

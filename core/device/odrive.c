@@ -5,13 +5,17 @@
 static uint8_t payload_length(uint32_t command) {
     switch (command) {
     case PALP_ODRIVE_ESTOP:
-    case PALP_ODRIVE_CLEAR_ERRORS: return 0;
+    case PALP_ODRIVE_CLEAR_ERRORS:
+        return 0;
     case PALP_ODRIVE_SET_AXIS_STATE:
-    case PALP_ODRIVE_SET_INPUT_TORQUE: return 4;
+    case PALP_ODRIVE_SET_INPUT_TORQUE:
+        return 4;
     case PALP_ODRIVE_HEARTBEAT:
     case PALP_ODRIVE_ENCODER_ESTIMATES:
-    case PALP_ODRIVE_SET_CONTROLLER_MODE: return 8;
-    default: return 0xff;
+    case PALP_ODRIVE_SET_CONTROLLER_MODE:
+        return 8;
+    default:
+        return 0xff;
     }
 }
 
@@ -22,13 +26,16 @@ bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *messag
     if (frame->flags != 0u || frame->id > 0x7ffu) return false;
     if (frame->length != payload_length(command) && !long_clear) return false;
     const uint8_t *d = frame->data;
-    *message = (palp_odrive_message){.node = (uint8_t)(frame->id >> 5), .command = (palp_odrive_command)command};
+    *message = (palp_odrive_message){.node = (uint8_t)(frame->id >> 5),
+                                     .command = (palp_odrive_command)command};
     switch (message->command) {
     case PALP_ODRIVE_HEARTBEAT:
         message->error = palp_get_u32(d);
         message->state = d[4];
         break;
-    case PALP_ODRIVE_SET_AXIS_STATE: message->state = palp_get_u32(d); break;
+    case PALP_ODRIVE_SET_AXIS_STATE:
+        message->state = palp_get_u32(d);
+        break;
     case PALP_ODRIVE_ENCODER_ESTIMATES:
         message->position_rev = palp_get_f32(d);
         message->velocity_rev_s = palp_get_f32(d + 4);
@@ -37,9 +44,12 @@ bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *messag
         message->control_mode = palp_get_u32(d);
         message->input_mode = palp_get_u32(d + 4);
         break;
-    case PALP_ODRIVE_SET_INPUT_TORQUE: message->torque_Nm = palp_get_f32(d); break;
+    case PALP_ODRIVE_SET_INPUT_TORQUE:
+        message->torque_Nm = palp_get_f32(d);
+        break;
     case PALP_ODRIVE_ESTOP:
-    case PALP_ODRIVE_CLEAR_ERRORS: break;
+    case PALP_ODRIVE_CLEAR_ERRORS:
+        break;
     }
     return true;
 }
@@ -52,7 +62,9 @@ palp_can_frame palp_odrive_encode(const palp_odrive_message *message) {
         palp_put_u32(f.data, message->error);
         f.data[4] = (uint8_t)message->state;
         break;
-    case PALP_ODRIVE_SET_AXIS_STATE: palp_put_u32(f.data, message->state); break;
+    case PALP_ODRIVE_SET_AXIS_STATE:
+        palp_put_u32(f.data, message->state);
+        break;
     case PALP_ODRIVE_ENCODER_ESTIMATES:
         palp_put_f32(f.data, message->position_rev);
         palp_put_f32(f.data + 4, message->velocity_rev_s);
@@ -61,9 +73,12 @@ palp_can_frame palp_odrive_encode(const palp_odrive_message *message) {
         palp_put_u32(f.data, message->control_mode);
         palp_put_u32(f.data + 4, message->input_mode);
         break;
-    case PALP_ODRIVE_SET_INPUT_TORQUE: palp_put_f32(f.data, message->torque_Nm); break;
+    case PALP_ODRIVE_SET_INPUT_TORQUE:
+        palp_put_f32(f.data, message->torque_Nm);
+        break;
     case PALP_ODRIVE_ESTOP:
-    case PALP_ODRIVE_CLEAR_ERRORS: break;
+    case PALP_ODRIVE_CLEAR_ERRORS:
+        break;
     }
     return f;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * ODrive CANSimple: 11-bit id = node << 5 | command, little-endian payloads. The same codec serves both ends,
- * so that the simulated drive speaks exactly what the controller expects.
+ * ODrive CANSimple: 11-bit id = node << 5 | command, little-endian payloads. The same codec serves
+ * both ends, so that the simulated drive speaks exactly what the controller expects.
  */
 #ifndef PALP_DEVICE_ODRIVE_H
 #define PALP_DEVICE_ODRIVE_H
@@ -28,15 +28,16 @@ typedef enum {
 typedef struct {
     uint8_t node;
     palp_odrive_command command;
-    uint32_t error;          /* heartbeat */
-    uint32_t state;          /* heartbeat, set axis state */
-    float position_rev;      /* encoder estimates */
+    uint32_t error;     /* heartbeat */
+    uint32_t state;     /* heartbeat, set axis state */
+    float position_rev; /* encoder estimates */
     float velocity_rev_s;
-    float torque_Nm;         /* set input torque */
+    float torque_Nm; /* set input torque */
     uint32_t control_mode, input_mode;
 } palp_odrive_message;
 
-/* False for remote, error, extended or FD frames, unknown commands and wrong lengths. Constant time. */
+/* False for remote, error, extended or FD frames, unknown commands and wrong lengths. Constant
+ * time. */
 bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *message);
 
 /* Precondition: node < 64 and a command of the list above. */

@@ -72,7 +72,8 @@ static void push_all(palp_cma *c, uint32_t node, palp_vec3 target) {
 
 /* Two unit vectors that complete n to an orthonormal frame. */
 static void tangents(palp_vec3 n, palp_vec3 *a, palp_vec3 *b) {
-    palp_vec3 axis = palp_abs(n.x) < 0.6f ? (palp_vec3){1.0f, 0.0f, 0.0f} : (palp_vec3){0.0f, 1.0f, 0.0f};
+    palp_vec3 axis =
+        palp_abs(n.x) < 0.6f ? (palp_vec3){1.0f, 0.0f, 0.0f} : (palp_vec3){0.0f, 1.0f, 0.0f};
     palp_vec3 t = palp_cross(n, axis);
     *a = palp_scale(1.0f / palp_norm(t), t);
     *b = palp_cross(n, *a);
@@ -88,11 +89,19 @@ static void set_given(palp_cma *c, uint32_t node, palp_vec3 v) {
 static void give_free(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     switch (condition) {
-    case PALP_GIVE_DISPLACEMENT: push_all(c, node, value); break;
-    case PALP_GIVE_NORMAL: push(c, node, n, value.x); break;
-    case PALP_GIVE_TRACTION: set_given(c, node, palp_scale(c->blob->area_m2[node], value)); break;
+    case PALP_GIVE_DISPLACEMENT:
+        push_all(c, node, value);
+        break;
+    case PALP_GIVE_NORMAL:
+        push(c, node, n, value.x);
+        break;
+    case PALP_GIVE_TRACTION:
+        set_given(c, node, palp_scale(c->blob->area_m2[node], value));
+        break;
     case PALP_GIVE_FORCE:
-    case PALP_RELEASE: set_given(c, node, value); break;
+    case PALP_RELEASE:
+        set_given(c, node, value);
+        break;
     }
 }
 
@@ -100,16 +109,24 @@ static void give_fixed(palp_cma *c, uint32_t node, palp_condition condition, pal
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     palp_vec3 a, b;
     switch (condition) {
-    case PALP_GIVE_DISPLACEMENT: set_given(c, node, value); break;
+    case PALP_GIVE_DISPLACEMENT:
+        set_given(c, node, value);
+        break;
     case PALP_GIVE_NORMAL:
         tangents(n, &a, &b);
         set_given(c, node, palp_scale(value.x, n));
         push(c, node, a, 0.0f);
         push(c, node, b, 0.0f);
         break;
-    case PALP_GIVE_TRACTION: push_all(c, node, palp_scale(c->blob->area_m2[node], value)); break;
-    case PALP_GIVE_FORCE: push_all(c, node, value); break;
-    case PALP_RELEASE: push_all(c, node, (palp_vec3){0}); break;
+    case PALP_GIVE_TRACTION:
+        push_all(c, node, palp_scale(c->blob->area_m2[node], value));
+        break;
+    case PALP_GIVE_FORCE:
+        push_all(c, node, value);
+        break;
+    case PALP_RELEASE:
+        push_all(c, node, (palp_vec3){0});
+        break;
     }
 }
 
@@ -205,7 +222,8 @@ static void assemble_row(palp_cma *c, uint32_t k) {
                                  &c->row, block);
             extracted = t->node;
         }
-        c->capacitance[(size_t)k * c->count + l] = factor * contract(s->direction, block, t->direction);
+        c->capacitance[(size_t)k * c->count + l] =
+            factor * contract(s->direction, block, t->direction);
     }
 }
 
@@ -213,7 +231,8 @@ static void assemble_row(palp_cma *c, uint32_t k) {
 static void enforce_reciprocity(palp_cma *c) {
     for (uint32_t k = 0; k < c->count; k++) {
         for (uint32_t l = 0; l < k; l++) {
-            bool same = domain_of(c->blob, c->switches[k].node) == domain_of(c->blob, c->switches[l].node);
+            bool same =
+                domain_of(c->blob, c->switches[k].node) == domain_of(c->blob, c->switches[l].node);
             float sign = same ? 1.0f : -1.0f;
             float *a = &c->capacitance[(size_t)k * c->count + l];
             float *b = &c->capacitance[(size_t)l * c->count + k];
@@ -262,8 +281,8 @@ static palp_status solve_capacitance(palp_cma *c) {
     if (symmetric) enforce_reciprocity(c);
     scale_system(c);
     for (size_t i = 0; i < n * n; i++) c->factor[i] = c->capacitance[i];
-    palp_status status = definite ? palp_chol_factor(c->factor, n, n)
-                                  : palp_lu_factor(c->factor, c->perm, n, n);
+    palp_status status =
+        definite ? palp_chol_factor(c->factor, n, n) : palp_lu_factor(c->factor, c->perm, n, n);
     if (status != PALP_OK) return status;
     for (size_t k = 0; k < n; k++) c->solution[k] = 0.0f;
     for (size_t k = 0; k < n; k++) c->residual[k] = c->rhs[k];
@@ -288,7 +307,8 @@ static void write_fields(palp_cma *c, float *u_m, float *f_N) {
     }
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
         bool fixed = palp_node_is_fixed(b, i);
-        const float *x = c->detail[fixed ? PALP_FIXED : PALP_FREE] + PALP_FIELD_LANES * palp_node_slot(b, i);
+        const float *x =
+            c->detail[fixed ? PALP_FIXED : PALP_FREE] + PALP_FIELD_LANES * palp_node_slot(b, i);
         for (uint32_t axis = 0; axis < 3; axis++) {
             float given = c->given[3u * i + axis];
             u_m[3u * i + axis] = fixed ? given : x[axis];

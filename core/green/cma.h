@@ -9,15 +9,16 @@
  *     | f_U | = | G_UF  K_UU | | u_U | + B g
  *
  * Any other problem switches some scalar unknowns: for each switched pair (node, direction e) the
- * quantity that the RBVP gives becomes unknown (g_k) and the one that it yields is prescribed (t_k):
+ * quantity that the RBVP gives becomes unknown (g_k) and the one that it yields is prescribed
+ * (t_k):
  *
  *     C g = t - E^T v0,     C_kl = e_k^T Xi_kl e_l                    (MR 18-20, 39, 43-44)
  *     v   = v0 + Xi E g,    values at switched nodes set exactly      (MR 45-47)
  *
  * With only free nodes switched and reciprocity enforced C is symmetric positive definite and is
  * factored by Cholesky; otherwise by LU with partial pivoting after scaling by powers of two, since
- * compliances and stiffnesses meet in it. Both are followed by two steps of refinement with residuals
- * in twice the working precision.
+ * compliances and stiffnesses meet in it. Both are followed by two steps of refinement with
+ * residuals in twice the working precision.
  */
 #ifndef PALP_GREEN_CMA_H
 #define PALP_GREEN_CMA_H
@@ -45,14 +46,14 @@ typedef struct {
 typedef struct {
     const palp_blob *blob;
     uint32_t capacity, count;
-    palp_switch *switches; /* [capacity] */
-    float *capacitance;    /* [capacity][capacity] */
-    float *factor;         /* [capacity][capacity] */
+    palp_switch *switches;                    /* [capacity] */
+    float *capacitance;                       /* [capacity][capacity] */
+    float *factor;                            /* [capacity][capacity] */
     float *scale, *rhs, *solution, *residual; /* [capacity] */
-    uint32_t *perm;                     /* [capacity] */
-    float *detail[PALP_DOMAINS];        /* [slots][4] */
-    float *given;      /* [nodes][3] what the column of each node is multiplied with */
-    uint8_t *state;    /* [nodes] conditions already given */
+    uint32_t *perm;                           /* [capacity] */
+    float *detail[PALP_DOMAINS];              /* [slots][4] */
+    float *given;   /* [nodes][3] what the column of each node is multiplied with */
+    uint8_t *state; /* [nodes] conditions already given */
     palp_vec3 gravity_m_s2;
     palp_row row;
     palp_row_scratch scratch[PALP_DOMAINS];
@@ -73,8 +74,8 @@ void palp_cma_clear(palp_cma *cma);
 
 /*
  * Gives `node` a condition. Costs 3, 2, 1 or 0 unknowns. Errors: ARGUMENT (node out of range, given
- * twice, or RELEASE of a free node), NOT_FINITE, CAPACITY, ABSENT (a fixed node in a blob without its
- * column). On error nothing changes.
+ * twice, or RELEASE of a free node), NOT_FINITE, CAPACITY, ABSENT (a fixed node in a blob without
+ * its column). On error nothing changes.
  */
 palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value);
 

@@ -2,8 +2,8 @@
 #include "columns.h"
 
 /*
- * Value of an IEEE half; the blob holds no infinities and no NaN. Subnormal halves go through an integer, since a
- * controller may run with subnormal floats switched off.
+ * Value of an IEEE half; the blob holds no infinities and no NaN. Subnormal halves go through an
+ * integer, since a controller may run with subnormal floats switched off.
  */
 static float half_to_float(uint16_t half) {
     union {
@@ -24,9 +24,10 @@ static const float *group_values(const palp_columns *c, uint32_t group, float *b
 }
 
 /*
- * The eight products of one group, four floats each (x, y, z, 0). One lane never meets another, so every
- * vector width, and the plain loop, gives the same bits. The vector form exists because compilers do not
- * find the transposition by themselves; it made fast summation 1.6 to 1.9 times faster (make bench).
+ * The eight products of one group, four floats each (x, y, z, 0). One lane never meets another, so
+ * every vector width, and the plain loop, gives the same bits. The vector form exists because
+ * compilers do not find the transposition by themselves; it made fast summation 1.6 to 1.9 times
+ * faster (make bench).
  */
 #if defined(__SSE2__) || defined(__ARM_NEON) || defined(__wasm_simd128__)
 typedef float lanes4 __attribute__((vector_size(16), aligned(4)));
@@ -50,7 +51,8 @@ static void multiply_group(const float *a, const float v[3], float *y) {
         lanes4 sum[3];
         for (uint32_t r = 0; r < 3; r++) {
             const float *entry = a + 3u * r * PALP_LANES + k;
-            sum[r] = load4(entry) * v[0] + load4(entry + PALP_LANES) * v[1] + load4(entry + 2u * PALP_LANES) * v[2];
+            sum[r] = load4(entry) * v[0] + load4(entry + PALP_LANES) * v[1] +
+                     load4(entry + 2u * PALP_LANES) * v[2];
         }
         transpose_out(sum[0], sum[1], sum[2], y + 4u * k);
     }
@@ -60,7 +62,8 @@ static void multiply_group(const float *restrict a, const float v[3], float *res
     for (uint32_t k = 0; k < PALP_LANES; k++) {
         for (uint32_t r = 0; r < 3; r++) {
             const float *entry = a + 3u * r * PALP_LANES + k;
-            y[4u * k + r] = entry[0] * v[0] + entry[PALP_LANES] * v[1] + entry[2u * PALP_LANES] * v[2];
+            y[4u * k + r] =
+                entry[0] * v[0] + entry[PALP_LANES] * v[1] + entry[2u * PALP_LANES] * v[2];
         }
         y[4u * k + 3u] = 0.0f;
     }
@@ -96,7 +99,8 @@ static uint32_t skip_ahead(const palp_columns *c, uint32_t first, uint32_t end, 
     return hit && !padding ? direct : at;
 }
 
-void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row, float block[9]) {
+void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row,
+                          float block[9]) {
     float sum[9] = {0};
     uint32_t first = columns->offset[j] * PALP_LANES;
     uint32_t end = columns->offset[j + 1] * PALP_LANES;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Wavelet-transformed, thresholded GF columns (MR 4.4-4.5): fast summation and selective extraction.
+ * Wavelet-transformed, thresholded GF columns (MR 4.4-4.5): fast summation and selective
+ * extraction.
  */
 #ifndef PALP_GREEN_COLUMNS_H
 #define PALP_GREEN_COLUMNS_H
@@ -15,9 +16,11 @@ void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3],
 
 /*
  * The 3x3 block (row-major) of W^-1 column_j at the node whose row is given (MR 39, 43).
- * Cost: one merge of the row with the column: row.count + 8 groups comparisons, 9 multiply-adds a match.
+ * Cost: one merge of the row with the column: row.count + 8 groups comparisons, 9 multiply-adds a
+ * match.
  */
-void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row, float block[9]);
+void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row,
+                          float block[9]);
 
 /* Stored blocks of column j, padding included. */
 static inline uint32_t palp_columns_blocks(const palp_columns *columns, uint32_t j) {

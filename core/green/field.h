@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The deformed surface under nodal forces on the free domain: fast summation with temporal coherence
- * (MR 11-12, 36, 45-47), at any level of detail. Runs on the display path, never before the force.
+ * The deformed surface under nodal forces on the free domain: fast summation with temporal
+ * coherence (MR 11-12, 36, 45-47), at any level of detail. Runs on the display path, never before
+ * the force.
  */
 #ifndef PALP_GREEN_FIELD_H
 #define PALP_GREEN_FIELD_H
@@ -17,13 +18,13 @@ typedef struct {
 
 typedef struct {
     const palp_blob *blob;
-    float *detail;      /* [slots][4] sum of columns so far */
-    float *field;       /* [slots][4] */
-    float *applied_N;   /* [slots][3] forces that `detail` holds */
-    uint8_t *wanted;    /* [slots] marks of the current update */
-    uint32_t *loaded;   /* [slots] slots with a force applied */
+    float *detail;    /* [slots][4] sum of columns so far */
+    float *field;     /* [slots][4] */
+    float *applied_N; /* [slots][3] forces that `detail` holds */
+    uint8_t *wanted;  /* [slots] marks of the current update */
+    uint32_t *loaded; /* [slots] slots with a force applied */
     uint32_t loaded_count;
-    uint32_t updates;   /* since the last sum from scratch */
+    uint32_t updates; /* since the last sum from scratch */
     palp_vec3 gravity_m_s2;
 } palp_field;
 
@@ -36,16 +37,16 @@ palp_status palp_field_init(palp_field *field, const palp_blob *blob, void *memo
 palp_status palp_field_gravity(palp_field *field, palp_vec3 acceleration_m_s2);
 
 /*
- * Replaces the forces by `loads` (nodes of the free domain, each at most once; others are ignored). Only
- * columns whose force changed are summed; every PALP_FIELD_REFRESH updates all are, so that rounding
- * does not build up. Cost: 9 multiply-adds per stored block of each changed column.
+ * Replaces the forces by `loads` (nodes of the free domain, each at most once; others are ignored).
+ * Only columns whose force changed are summed; every PALP_FIELD_REFRESH updates all are, so that
+ * rounding does not build up. Cost: 9 multiply-adds per stored block of each changed column.
  */
 #define PALP_FIELD_REFRESH 1000u
 void palp_field_update(palp_field *field, const palp_load *loads, uint32_t count);
 
 /*
- * Displacements of the nodes up to `level`, float[level_start[level + 1]][4] in slot order (m); valid until
- * the next call. Cost: one inverse transform.
+ * Displacements of the nodes up to `level`, float[level_start[level + 1]][4] in slot order (m);
+ * valid until the next call. Cost: one inverse transform.
  */
 const float *palp_field_reconstruct(palp_field *field, uint32_t level);
 

@@ -8,8 +8,8 @@
  *   forward, l = L..1     predict  x_m -= sum_a w_ma x_a     update  x_a += sum_m s_am x_m
  *   inverse, l = 1..L     update   x_a -= sum_m s_am x_m     predict x_m += sum_a w_ma x_a
  *
- * where m runs over the odd slots of level l and a over the (at most two) parents of m in the domain.
- * Unlifted transforms are the same with s = 0.
+ * where m runs over the odd slots of level l and a over the (at most two) parents of m in the
+ * domain. Unlifted transforms are the same with s = 0.
  */
 #ifndef PALP_GREEN_WAVELET_H
 #define PALP_GREEN_WAVELET_H
@@ -22,8 +22,9 @@
 void palp_wavelet_forward(const palp_domain *domain, float *x);
 
 /*
- * x := W^-1 x up to level `level` (0..levels-1): the first level_start[level + 1] slots hold the field
- * on that level, which is the coarser level of detail of MR 9.1; later slots keep their details.
+ * x := W^-1 x up to level `level` (0..levels-1): the first level_start[level + 1] slots hold the
+ * field on that level, which is the coarser level of detail of MR 9.1; later slots keep their
+ * details.
  */
 void palp_wavelet_inverse(const palp_domain *domain, float *x, uint32_t level);
 
@@ -44,9 +45,9 @@ typedef struct {
 } palp_row_scratch;
 
 /*
- * Walks the tree from `slot` down to level 0 and writes its row; `row` has room for `capacity` entries.
- * Returns false, and a row of count 0, if it needs more. Cost: levels * slots / 32 words scanned and
- * one multiply-add per tree edge touched; at most meta.max_row entries.
+ * Walks the tree from `slot` down to level 0 and writes its row; `row` has room for `capacity`
+ * entries. Returns false, and a row of count 0, if it needs more. Cost: levels * slots / 32 words
+ * scanned and one multiply-add per tree edge touched; at most meta.max_row entries.
  */
 bool palp_wavelet_row(const palp_domain *domain, uint32_t slot, palp_row_scratch *scratch,
                       palp_row *row, uint32_t capacity);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "budget.h"
 
-#define SPHERE 60.0f          /* one sphere evaluation with its look-ups */
+#define SPHERE 60.0f            /* one sphere evaluation with its look-ups */
 #define FRAMES_AND_POSE 4000.0f /* decoding, kinematics, output chain, encoding */
-#define DESCENT 32.0f         /* moves of the nearest node, as in contact.c */
+#define DESCENT 32.0f           /* moves of the nearest node, as in contact.c */
 
 /* Most nodes that the search can meet in 27 cells: three cells of a row are one run. */
 static float most_in_block(const palp_blob *b) {
@@ -35,7 +35,8 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits) 
     float column = (float)(m->max_groups * PALP_LANES);
     return (palp_cost_bound){
         .fixed = FRAMES_AND_POSE,
-        .search = candidates * (SPHERE + active) + candidates * ring * (SPHERE + (float)limits.max_new) +
+        .search = candidates * (SPHERE + active) +
+                  candidates * ring * (SPHERE + (float)limits.max_new) +
                   candidates * candidates * 3.0f + 8.0f * (most_in_block(blob) + DESCENT * ring),
         .row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row,
         .extraction = 11.0f * row + column + 40.0f,

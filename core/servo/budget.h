@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What a tick can cost at most, in operations (one multiply-add, compare or table step with its loads) and,
- * through the target's cost table, in time. Every bound is a formula in counts that are fixed once the blob and the
- * limits are known, so a simulation that cannot be in time is refused when it is opened.
+ * What a tick can cost at most, in operations (one multiply-add, compare or table step with its
+ * loads) and, through the target's cost table, in time. Every bound is a formula in counts that are
+ * fixed once the blob and the limits are known, so a simulation that cannot be in time is refused
+ * when it is opened.
  */
 #ifndef PALP_SERVO_BUDGET_H
 #define PALP_SERVO_BUDGET_H

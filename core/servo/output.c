@@ -9,8 +9,8 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
     return palp_scale(limit / length, v);
 }
 
-palp_output_result palp_output_apply(palp_output *output, const palp_device *device, const palp_arm_pose *pose,
-                                     palp_vec3 wanted_N, float dt_s) {
+palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
+                                     const palp_arm_pose *pose, palp_vec3 wanted_N, float dt_s) {
     palp_output_result r = {0};
     float torque[PALP_AXES];
     if (!palp_vec3_is_finite(wanted_N) || !palp_is_finite(palp_norm(wanted_N))) {
@@ -19,7 +19,8 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
         return r;
     }
     palp_vec3 force = shorten(wanted_N, device->force_max_N, &r.limited);
-    palp_vec3 change = shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
+    palp_vec3 change =
+        shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
     force = palp_add(output->last_N, change);
     palp_arm_torques(pose, force, torque);
     float worst = 1.0f; /* all axes shrink together, so that the direction stays */

@@ -4,7 +4,7 @@
 
 #define NS_PER_S 1e9f
 #define RAD_PER_REV 6.28318530718f
-#define PLAUSIBLE 4.0f       /* a joint may move this many times what its speed limit allows */
+#define PLAUSIBLE 4.0f /* a joint may move this many times what its speed limit allows */
 #define ENABLE_EVERY_S 0.1f
 
 typedef struct {
@@ -31,7 +31,8 @@ struct palp_servo {
     uint32_t *fresh; /* [max_new] */
 };
 
-static palp_servo *lay_out(const palp_blob *b, palp_contact_limits l, palp_arena *arena, void **contact_memory) {
+static palp_servo *lay_out(const palp_blob *b, palp_contact_limits l, palp_arena *arena,
+                           void **contact_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
     uint32_t *fresh = palp_take(arena, l.max_candidates, sizeof *fresh);
     *contact_memory = palp_take(arena, palp_contact_memsize(b, l), 1);
@@ -49,8 +50,9 @@ size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
 static bool config_is_sound(const palp_servo_config *c) {
     const palp_device *d = &c->device;
     bool positive = c->rate_hz > 0.0f && c->tool_radius_m > 0.0f && c->placement.scale > 0.0f &&
-                    c->cost.ns_per_operation > 0.0f && c->cost.margin > 0.0f && d->force_max_N > 0.0f &&
-                    d->slew_max_N_per_s > 0.0f && d->motor_torque_max_Nm > 0.0f && d->speed_max_m_s > 0.0f &&
+                    c->cost.ns_per_operation > 0.0f && c->cost.margin > 0.0f &&
+                    d->force_max_N > 0.0f && d->slew_max_N_per_s > 0.0f &&
+                    d->motor_torque_max_Nm > 0.0f && d->speed_max_m_s > 0.0f &&
                     d->stiffness_max_N_per_m > 0.0f && d->damping_max_Ns_per_m >= 0.0f &&
                     d->arm.upper_m > 0.0f && d->arm.fore_m > 0.0f;
     for (uint32_t i = 0; i < PALP_AXES; i++) {
@@ -59,8 +61,9 @@ static bool config_is_sound(const palp_servo_config *c) {
     return positive && c->port.now_ns != NULL;
 }
 
-palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob, const palp_servo_config *config,
-                            void *memory, size_t bytes, float *bound_ns) {
+palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
+                            const palp_servo_config *config, void *memory, size_t bytes,
+                            float *bound_ns) {
     palp_arena arena = {.base = memory};
     void *contact_memory;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
@@ -72,14 +75,19 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob, const pal
     if (least_ns > config->cost.margin * NS_PER_S / config->rate_hz) return PALP_ERR_BUDGET;
     palp_servo *s = lay_out(blob, config->limits, &arena, &contact_memory);
     uint32_t *fresh = s->fresh;
-    *s = (palp_servo){.blob = blob, .config = *config, .bound = bound, .dt_s = 1.0f / config->rate_hz,
+    *s = (palp_servo){.blob = blob,
+                      .config = *config,
+                      .bound = bound,
+                      .dt_s = 1.0f / config->rate_hz,
                       .fresh = fresh};
-    /* Device stiffness k becomes k / scale^2 in the model, where lengths grow and forces shrink by scale. */
+    /* Device stiffness k becomes k / scale^2 in the model, where lengths grow and forces shrink by
+     * scale. */
     float scale = config->placement.scale;
     s->coupling.stiffness_N_per_m = config->device.stiffness_max_N_per_m / (scale * scale);
     s->coupling.damping_Ns_per_m = config->device.damping_max_Ns_per_m / (scale * scale);
-    palp_status status = palp_contact_init(&s->contact, blob, blob->rest_m, config->tool_radius_m, config->limits,
-                                           contact_memory, palp_contact_memsize(blob, config->limits));
+    palp_status status =
+        palp_contact_init(&s->contact, blob, blob->rest_m, config->tool_radius_m, config->limits,
+                          contact_memory, palp_contact_memsize(blob, config->limits));
     if (status == PALP_OK) *servo = s;
     return status;
 }
@@ -98,9 +106,10 @@ static axis *axis_of(palp_servo *s, uint8_t node, uint32_t *number) {
     return NULL;
 }
 
-/* Joint angle of an estimate, if it is finite, within the limits and reachable since the last one. */
-static bool plausible(const palp_servo *s, const axis *a, uint32_t i, const palp_odrive_message *m, float *q,
-                      float *dq) {
+/* Joint angle of an estimate, if it is finite, within the limits and reachable since the last one.
+ */
+static bool plausible(const palp_servo *s, const axis *a, uint32_t i, const palp_odrive_message *m,
+                      float *q, float *dq) {
     const palp_device *d = &s->config.device;
     if (!palp_is_finite(m->position_rev) || !palp_is_finite(m->velocity_rev_s)) return false;
     *q = m->position_rev / d->gear[i] * RAD_PER_REV;
@@ -117,7 +126,8 @@ static void take_estimate(palp_servo *s, axis *a, uint32_t i, const palp_odrive_
     float q, dq;
     if (!plausible(s, a, i, m, &q, &dq)) {
         s->counters.implausible++;
-        if (++a->bad_in_a_row >= PALP_BAD_IN_A_ROW && s->state == PALP_STATE_RUN) s->faults |= PALP_FAULT_INPUT;
+        if (++a->bad_in_a_row >= PALP_BAD_IN_A_ROW && s->state == PALP_STATE_RUN)
+            s->faults |= PALP_FAULT_INPUT;
         return;
     }
     if (a->known && a->age == 0u) s->counters.repeated++; /* two in one tick: the newer wins */
@@ -132,7 +142,8 @@ static void take_frame(palp_servo *s, const palp_can_frame *frame) {
     palp_odrive_message m;
     uint32_t i = 0;
     axis *a = palp_odrive_decode(frame, &m) ? axis_of(s, m.node, &i) : NULL;
-    bool ours = a != NULL && (m.command == PALP_ODRIVE_HEARTBEAT || m.command == PALP_ODRIVE_ENCODER_ESTIMATES);
+    bool ours = a != NULL &&
+                (m.command == PALP_ODRIVE_HEARTBEAT || m.command == PALP_ODRIVE_ENCODER_ESTIMATES);
     if (!ours) {
         s->counters.rejected++;
         return;
@@ -180,20 +191,23 @@ static float oldest_estimate_s(const palp_servo *s) {
 static void watch_drives(palp_servo *s) {
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         const axis *a = &s->axes[i];
-        if (a->drive_error != 0u || a->drive_state != PALP_ODRIVE_CLOSED_LOOP) s->faults |= PALP_FAULT_DRIVE;
+        if (a->drive_error != 0u || a->drive_state != PALP_ODRIVE_CLOSED_LOOP)
+            s->faults |= PALP_FAULT_DRIVE;
         if ((float)a->heartbeat_age * s->dt_s > PALP_HEARTBEAT_S) s->faults |= PALP_FAULT_HEARTBEAT;
     }
     if (oldest_estimate_s(s) >= PALP_LOST_S) s->faults |= PALP_FAULT_LOST;
 }
 
-/* RUN needs a heartbeat that is younger than the enable sequence, whatever state the drives were found in. */
+/* RUN needs a heartbeat that is younger than the enable sequence, whatever state the drives were
+ * found in. */
 static void advance_state(palp_servo *s) {
     bool heard = true, ready = true;
     uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         const axis *a = &s->axes[i];
         heard = heard && a->heard;
-        ready = ready && a->known && a->age <= 1u && a->drive_error == 0u && a->drive_state == PALP_ODRIVE_CLOSED_LOOP &&
+        ready = ready && a->known && a->age <= 1u && a->drive_error == 0u &&
+                a->drive_state == PALP_ODRIVE_CLOSED_LOOP &&
                 a->heartbeat_age + settle < s->state_ticks;
     }
     s->state_ticks++;
@@ -206,7 +220,8 @@ static void advance_state(palp_servo *s) {
 /* ---- force ---- */
 
 static palp_vec3 rotate(const float r[9], palp_vec3 v) {
-    return (palp_vec3){palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v), palp_dot(palp_vec3_at(r + 6), v)};
+    return (palp_vec3){palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
+                       palp_dot(palp_vec3_at(r + 6), v)};
 }
 
 static palp_vec3 rotate_back(const float r[9], palp_vec3 v) {
@@ -218,18 +233,20 @@ static float elapsed_ns(const palp_servo *s, uint64_t start) {
     return (float)(s->config.port.now_ns(s->config.port.context) - start);
 }
 
-/* Bound of the solves of one tick with `pivots` steps each, for the candidates that are there now. */
+/* Bound of the solves of one tick with `pivots` steps each, for the candidates that are there now.
+ */
 static float solves_ns(const palp_servo *s, uint32_t candidates, uint32_t pivots) {
     uint32_t reachable = s->contact.active_count + PALP_COUPLING_SOLVES * pivots;
-    uint32_t most = s->config.limits.max_active < candidates ? s->config.limits.max_active : candidates;
+    uint32_t most =
+        s->config.limits.max_active < candidates ? s->config.limits.max_active : candidates;
     uint32_t active = reachable < most ? reachable : most;
     return s->config.cost.ns_per_operation * (float)PALP_COUPLING_SOLVES *
            palp_cost_solve(candidates, active, pivots);
 }
 
 /*
- * Takes in candidates and chooses the number of pivots so that the bound of what follows fits the time left;
- * the clock is looked at before each node.
+ * Takes in candidates and chooses the number of pivots so that the bound of what follows fits the
+ * time left; the clock is looked at before each node.
  */
 static void prepare_contact(palp_servo *s, uint64_t start, palp_vec3 around, palp_report *r) {
     float ns = s->config.cost.ns_per_operation;
@@ -239,7 +256,8 @@ static void prepare_contact(palp_servo *s, uint64_t start, palp_vec3 around, pal
     uint32_t i = 0;
     for (; i < fresh; i++) {
         float admit_ns = ns * palp_cost_admit(&s->bound, s->contact.count);
-        if (elapsed_ns(s, start) + admit_ns + solves_ns(s, s->contact.count + 1u, 1u) > period_ns) break;
+        if (elapsed_ns(s, start) + admit_ns + solves_ns(s, s->contact.count + 1u, 1u) > period_ns)
+            break;
         palp_contact_admit(&s->contact, s->fresh[i]);
     }
     r->admitted = i;
@@ -248,7 +266,8 @@ static void prepare_contact(palp_servo *s, uint64_t start, palp_vec3 around, pal
     uint32_t pivots = most;
     while (pivots > 1u && solves_ns(s, s->contact.count, pivots) > left_ns) pivots--;
     s->contact.limits.max_pivots = pivots;
-    r->shortened = i < fresh || pivots < most; /* could have done less than asked; feel() says whether it did */
+    r->shortened = i < fresh ||
+                   pivots < most; /* could have done less than asked; feel() says whether it did */
 }
 
 static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report *r) {
@@ -261,7 +280,8 @@ static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report 
     r->stored_J = c.energy_J;
     r->unsettled_m = c.moved_m;
     r->contact_flags = s->contact.flags;
-    r->shortened = r->deferred > 0u || (r->shortened && (s->contact.flags & PALP_CONTACT_PIVOTS_SPENT) != 0u);
+    r->shortened =
+        r->deferred > 0u || (r->shortened && (s->contact.flags & PALP_CONTACT_PIVOTS_SPENT) != 0u);
     r->pivots = s->contact.pivots;
     r->candidates = s->contact.count;
     r->active = s->contact.active_count;
@@ -272,7 +292,8 @@ static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report 
 static float gain(const palp_servo *s) {
     float ramp = palp_min((float)s->state_ticks * s->dt_s / PALP_RAMP_S, 1.0f);
     float age = oldest_estimate_s(s);
-    float fade = age <= PALP_LATE_S ? 1.0f : 1.0f - 2.0f * (age - PALP_LATE_S) / (PALP_LOST_S - PALP_LATE_S);
+    float fade =
+        age <= PALP_LATE_S ? 1.0f : 1.0f - 2.0f * (age - PALP_LATE_S) / (PALP_LOST_S - PALP_LATE_S);
     return ramp * palp_max(fade, 0.0f);
 }
 
@@ -293,7 +314,8 @@ static void run(palp_servo *s, uint64_t start, palp_report *r) {
     }
     s->last_tip_m = pose.tip_m;
     palp_vec3 wanted = palp_scale(gain(s), feel(s, start, pose.tip_m, r));
-    palp_output_result out = palp_output_apply(&s->output, &s->config.device, &pose, wanted, s->dt_s);
+    palp_output_result out =
+        palp_output_apply(&s->output, &s->config.device, &pose, wanted, s->dt_s);
     if (out.bad) {
         s->faults |= PALP_FAULT_OUTPUT;
         enter(s, PALP_STATE_FAULT);
@@ -306,7 +328,8 @@ static void run(palp_servo *s, uint64_t start, palp_report *r) {
 
 /* ---- out ---- */
 
-static uint32_t send_to_all(const palp_servo *s, palp_odrive_message m, palp_can_frame *out, uint32_t at) {
+static uint32_t send_to_all(const palp_servo *s, palp_odrive_message m, palp_can_frame *out,
+                            uint32_t at) {
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         m.node = s->config.device.node_id[i];
         out[at++] = palp_odrive_encode(&m);
@@ -317,23 +340,31 @@ static uint32_t send_to_all(const palp_servo *s, palp_odrive_message m, palp_can
 static uint32_t send_frames(const palp_servo *s, const palp_report *r, palp_can_frame *out) {
     uint32_t every = (uint32_t)(ENABLE_EVERY_S / s->dt_s) + 1u;
     uint32_t n = 0;
-    if (s->state == PALP_STATE_ENABLING && s->state_ticks % every == 0u) { /* the first time at once */
-        n = send_to_all(s, (palp_odrive_message){.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
-                                                 .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
-                                                 .input_mode = PALP_ODRIVE_PASSTHROUGH}, out, n);
+    if (s->state == PALP_STATE_ENABLING &&
+        s->state_ticks % every == 0u) { /* the first time at once */
+        n = send_to_all(s,
+                        (palp_odrive_message){.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
+                                              .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
+                                              .input_mode = PALP_ODRIVE_PASSTHROUGH},
+                        out, n);
         n = send_to_all(s, (palp_odrive_message){.command = PALP_ODRIVE_CLEAR_ERRORS}, out, n);
-        n = send_to_all(s, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
-                                                 .state = PALP_ODRIVE_CLOSED_LOOP}, out, n);
+        n = send_to_all(s,
+                        (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
+                                              .state = PALP_ODRIVE_CLOSED_LOOP},
+                        out, n);
     }
     if (s->state == PALP_STATE_FAULT && s->state_ticks % every == 0u) {
-        n = send_to_all(s, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
-                                                 .state = PALP_ODRIVE_IDLE}, out, n);
+        n = send_to_all(
+            s,
+            (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE, .state = PALP_ODRIVE_IDLE},
+            out, n);
     }
     if (s->state == PALP_STATE_RUN || s->state == PALP_STATE_FAULT) {
         for (uint32_t i = 0; i < PALP_AXES; i++) {
             palp_odrive_message m = {.command = PALP_ODRIVE_SET_INPUT_TORQUE,
                                      .node = s->config.device.node_id[i],
-                                     .torque_Nm = s->state == PALP_STATE_RUN ? r->motor_torque_Nm[i] : 0.0f};
+                                     .torque_Nm =
+                                         s->state == PALP_STATE_RUN ? r->motor_torque_Nm[i] : 0.0f};
             out[n++] = palp_odrive_encode(&m);
         }
     }
@@ -351,8 +382,8 @@ void palp_servo_skip(palp_servo *servo, uint32_t periods) {
 
 void palp_servo_bus_failed(palp_servo *servo) { servo->faults |= PALP_FAULT_BUS; }
 
-uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t in_count, palp_can_frame *out,
-                         palp_report *report) {
+uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t in_count,
+                         palp_can_frame *out, palp_report *report) {
     palp_servo *s = servo;
     uint64_t start = s->config.port.now_ns(s->config.port.context);
     palp_report r = {.tick = s->counters.ticks++, .level = s->blob->meta->levels - 1u};

@@ -2,11 +2,11 @@
 #include "contact.h"
 #include "core/base/linalg.h"
 
-#define MARGIN 0.35f           /* candidates are taken in this far before they touch, over r */
-#define FACING 0.2f            /* least cosine between a new node's normal and the contact axis */
-#define PENETRATION_MIN 2e-5f  /* violation that lets a node in, over r */
-#define REFACTOR_AFTER 64u     /* changes of the factor before it is made afresh */
-#define DESCENT_STEPS 32u      /* moves of the nearest node per search */
+#define MARGIN 0.35f          /* candidates are taken in this far before they touch, over r */
+#define FACING 0.2f           /* least cosine between a new node's normal and the contact axis */
+#define PENETRATION_MIN 2e-5f /* violation that lets a node in, over r */
+#define REFACTOR_AFTER 64u    /* changes of the factor before it is made afresh */
+#define DESCENT_STEPS 32u     /* moves of the nearest node per search */
 
 static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, palp_arena *arena) {
     uint32_t slots = b->domain[PALP_FREE].slots;
@@ -30,9 +30,9 @@ static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, 
 }
 
 static bool limits_are_sound(palp_contact_limits l) {
-    return l.max_candidates >= 1u && l.max_candidates <= PALP_MAX_CANDIDATES && l.max_active >= 1u &&
-           l.max_active <= l.max_candidates && l.max_new >= 1u && l.max_new <= l.max_candidates &&
-           l.max_pivots >= 1u;
+    return l.max_candidates >= 1u && l.max_candidates <= PALP_MAX_CANDIDATES &&
+           l.max_active >= 1u && l.max_active <= l.max_candidates && l.max_new >= 1u &&
+           l.max_new <= l.max_candidates && l.max_pivots >= 1u;
 }
 
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits) {
@@ -43,7 +43,8 @@ size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits) {
 }
 
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
-                              float radius_m, palp_contact_limits limits, void *memory, size_t bytes) {
+                              float radius_m, palp_contact_limits limits, void *memory,
+                              size_t bytes) {
     palp_arena arena = {.base = memory};
     if (!limits_are_sound(limits)) return PALP_ERR_LIMITS;
     if (!(radius_m > 0.0f) || !palp_is_finite(radius_m)) return PALP_ERR_ARGUMENT;
@@ -100,7 +101,8 @@ static void find_nearest(palp_contact *c, palp_vec3 p) {
     for (uint32_t z = low[2]; z <= high[2]; z++) {
         for (uint32_t y = low[1]; y <= high[1]; y++) {
             uint32_t row = (z * m->cells[1] + y) * m->cells[0];
-            for (uint32_t i = c->blob->cell_offset[row + low[0]]; i < c->blob->cell_offset[row + high[0] + 1u]; i++) {
+            for (uint32_t i = c->blob->cell_offset[row + low[0]];
+                 i < c->blob->cell_offset[row + high[0] + 1u]; i++) {
                 float d = distance2(c, c->blob->cell_node[i], p);
                 if (d >= best) continue;
                 best = d;
@@ -121,8 +123,8 @@ static void find_nearest(palp_contact *c, palp_vec3 p) {
 }
 
 /* Keeps the `max_new` deepest proposals in `fresh`, deepest first. */
-static uint32_t propose(palp_contact *c, uint32_t node, palp_vec3 center, uint32_t *fresh, float *depth,
-                        uint32_t found) {
+static uint32_t propose(palp_contact *c, uint32_t node, palp_vec3 center, uint32_t *fresh,
+                        float *depth, uint32_t found) {
     if (palp_node_is_fixed(c->blob, node) || c->place[node] != 0u) return found;
     palp_vec3 n = normal(c, node);
     if (palp_dot(n, c->axis) < FACING) return found;
@@ -189,7 +191,9 @@ static float indentation(const palp_contact *c, uint32_t i) {
 }
 
 /* How far the tool would have to press node i down, were there no node i. */
-static float violation(const palp_contact *c, uint32_t i) { return c->candidate[i].at.depth_m - indentation(c, i); }
+static float violation(const palp_contact *c, uint32_t i) {
+    return c->candidate[i].at.depth_m - indentation(c, i);
+}
 
 static void drop_idle(palp_contact *c, palp_vec3 center) {
     for (uint32_t i = c->count; i-- > 0u;) {
@@ -219,7 +223,8 @@ uint32_t palp_contact_search(palp_contact *contact, palp_vec3 center, uint32_t *
     }
     for (uint32_t i = 0; i < contact->count; i++) {
         uint32_t node = contact->candidate[i].node;
-        for (uint32_t k = contact->blob->ring_offset[node]; k < contact->blob->ring_offset[node + 1u]; k++) {
+        for (uint32_t k = contact->blob->ring_offset[node];
+             k < contact->blob->ring_offset[node + 1u]; k++) {
             found = propose(contact, contact->blob->ring[k], center, fresh, depth, found);
         }
     }
@@ -248,8 +253,8 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
     }
     c->candidate[i] = (palp_candidate){.node = node, .x = position(c, node), .n = normal(c, node)};
     c->place[node] = (uint16_t)(i + 1u);
-    (void)palp_wavelet_row(&c->blob->domain[PALP_FREE], palp_node_slot(c->blob, node), &c->scratch, &c->row[i],
-                           c->blob->meta->max_row);
+    (void)palp_wavelet_row(&c->blob->domain[PALP_FREE], palp_node_slot(c->blob, node), &c->scratch,
+                           &c->row[i], c->blob->meta->max_row);
     c->compliance[i * stride + i] = normal_compliance(c, i, i);
     for (uint32_t k = 0; k < i; k++) {
         float g = 0.5f * (normal_compliance(c, i, k) + normal_compliance(c, k, i));
@@ -257,7 +262,8 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
         c->compliance[k * stride + i] = g;
     }
     c->count++;
-    c->candidate[i].at = palp_sphere_at(c->radius_m, c->center, c->candidate[i].x, c->candidate[i].n);
+    c->candidate[i].at =
+        palp_sphere_at(c->radius_m, c->center, c->candidate[i].x, c->candidate[i].n);
     c->candidate[i].relief_m = palp_max(violation(c, i), 0.0f);
 }
 
@@ -304,7 +310,8 @@ static palp_vec3 force_on_tool(const palp_contact *c) {
     return force;
 }
 
-/* t -= Y (k I + Y^T Y)^-1 Y^T t with Y = R^-T J: what the spring's give takes from the forward solution t. */
+/* t -= Y (k I + Y^T Y)^-1 Y^T t with Y = R^-T J: what the spring's give takes from the forward
+ * solution t. */
 static void give_way(palp_contact *c, float *t, float stiffness_N_per_m) {
     uint32_t n = c->active_count;
     float m[9], s[3];
@@ -331,8 +338,8 @@ static void give_way(palp_contact *c, float *t, float stiffness_N_per_m) {
 }
 
 /*
- * One step towards the solution on the active set. Either all of it is reached (true), or forces move until
- * the first one vanishes and that node is let out.
+ * One step towards the solution on the active set. Either all of it is reached (true), or forces
+ * move until the first one vanishes and that node is let out.
  */
 static bool step_or_let_out(palp_contact *c, float stiffness_N_per_m) {
     uint32_t n = c->active_count;
@@ -378,10 +385,12 @@ static uint32_t most_violated(const palp_contact *c, float stiffness_N_per_m) {
     return best;
 }
 
-/* Without room for them, violated nodes are relieved, so that room found later cannot push the tool. */
+/* Without room for them, violated nodes are relieved, so that room found later cannot push the
+ * tool. */
 static void relieve_idle(palp_contact *c) {
     for (uint32_t i = 0; i < c->count; i++) {
-        if (!is_active(c, i)) c->candidate[i].relief_m = palp_max(violation(c, i), c->candidate[i].relief_m);
+        if (!is_active(c, i))
+            c->candidate[i].relief_m = palp_max(violation(c, i), c->candidate[i].relief_m);
     }
 }
 

@@ -13,8 +13,8 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
     return length > farthest ? palp_madd(from, farthest / length, move) : to;
 }
 
-palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *contact, palp_vec3 device_m,
-                                        float dt_s) {
+palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *contact,
+                                        palp_vec3 device_m, float dt_s) {
     palp_coupling *c = coupling;
     palp_grip grip = {.held_m = device_m, .stiffness_N_per_m = c->stiffness_N_per_m};
     bool touched = c->placed && contact->active_count > 0u;
@@ -29,7 +29,8 @@ palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *c
         moved = palp_norm(palp_sub(tool, about));
         if (moved <= SETTLED * contact->radius_m) break;
     }
-    float energy = palp_contact_energy(contact) + 0.5f / c->stiffness_N_per_m * palp_dot(force, force);
+    float energy =
+        palp_contact_energy(contact) + 0.5f / c->stiffness_N_per_m * palp_dot(force, force);
     if (c->placed && contact->active_count > 0u) {
         palp_vec3 tool_velocity = palp_scale(1.0f / dt_s, palp_sub(tool, c->tool_m));
         palp_vec3 device_velocity = palp_scale(1.0f / dt_s, palp_sub(device_m, c->device_m));
@@ -38,5 +39,6 @@ palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *c
     c->tool_m = tool;
     c->device_m = device_m;
     c->placed = true;
-    return (palp_coupling_result){.force_N = force, .tool_m = tool, .energy_J = energy, .moved_m = moved};
+    return (palp_coupling_result){
+        .force_N = force, .tool_m = tool, .energy_J = energy, .moved_m = moved};
 }

@@ -30,7 +30,8 @@ float calibrate(const palp_blob *blob, palp_contact_limits limits, uint32_t node
     size_t admits = 0, solves = 0;
     palp_vec3 n = palp_vec3_at(blob->normal + 3 * node);
     palp_vec3 x = palp_vec3_at(blob->rest_m + 3 * node);
-    if (palp_contact_init(&contact, blob, blob->rest_m, radius_m, limits, memory, bytes) != PALP_OK) {
+    if (palp_contact_init(&contact, blob, blob->rest_m, radius_m, limits, memory, bytes) !=
+        PALP_OK) {
         die(EXIT_WORK, "the contact limits are unsound");
     }
     for (int round = 0; round < ROUNDS; round++) {
@@ -48,7 +49,8 @@ float calibrate(const palp_blob *blob, palp_contact_limits limits, uint32_t node
             }
             uint64_t start = monotonic_ns(NULL);
             (void)palp_contact_solve(&contact, center, (palp_grip){.held_m = center});
-            float operations = palp_cost_solve(contact.count, contact.active_count, contact.pivots + 1);
+            float operations =
+                palp_cost_solve(contact.count, contact.active_count, contact.pivots + 1);
             solve[solves++] = (float)(monotonic_ns(NULL) - start) / operations;
         }
     }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Measures what an operation of the cost bounds takes on this machine, on the blob that will be felt. */
+/* Measures what an operation of the cost bounds takes on this machine, on the blob that will be
+ * felt. */
 #ifndef PALP_PORT_CALIBRATE_H
 #define PALP_PORT_CALIBRATE_H
 

@@ -22,9 +22,11 @@
 static const char help[] =
     "usage: palpd BLOB --bus can0|vcan0|loop --device NAME|FILE [OPTIONS]\n"
     "\n"
-    "Feels a body through a haptic device: reads the drives' frames, solves the contact, sends torques.\n"
+    "Feels a body through a haptic device: reads the drives' frames, solves the contact, sends "
+    "torques.\n"
     "\n"
-    "  --bus NAME          a SocketCAN interface, or 'loop': device and hand simulated in this process\n"
+    "  --bus NAME          a SocketCAN interface, or 'loop': device and hand simulated in this "
+    "process\n"
     "  --device NAME|FILE  arm3, desk3, or a device file\n"
     "  --rate HZ           default 1000\n"
     "  --seconds S         default 10; 0 runs until interrupted\n"
@@ -40,9 +42,10 @@ static const char help[] =
     "\n"
     "Exit 0 only when the run reached its working state and no fault is latched.\n";
 
-static const option options[] = {{"--bus", 1}, {"--device", 1}, {"--rate", 1}, {"--seconds", 1}, {"--hand", 1},
-                                 {"--touch", 1}, {"--no-wait", 0}, {"--cpu", 1}, {"--priority", 1}, {"--strict-rt", 0},
-                                 {"--log", 1}, {"--report", 1}, {"--view", 1}, {"--dds", 0}, {NULL, 0}};
+static const option options[] = {
+    {"--bus", 1},   {"--device", 1},  {"--rate", 1}, {"--seconds", 1},  {"--hand", 1},
+    {"--touch", 1}, {"--no-wait", 0}, {"--cpu", 1},  {"--priority", 1}, {"--strict-rt", 0},
+    {"--log", 1},   {"--report", 1},  {"--view", 1}, {"--dds", 0},      {NULL, 0}};
 
 #define MAX_FRAMES 64
 #define MAX_RECORDED 2000000u
@@ -128,7 +131,8 @@ static uint32_t bus_receive(bus *b, double time_s, double dt_s, palp_can_frame *
     if (!b->loop) return can_receive(b->fd, frames, MAX_FRAMES, &b->health);
     double target[3];
     hand_target(&b->script, time_s, target);
-    sim_device_move(&b->device, dt_s, target, b->script.stiffness_N_per_m, b->script.damping_Ns_per_m);
+    sim_device_move(&b->device, dt_s, target, b->script.stiffness_N_per_m,
+                    b->script.damping_Ns_per_m);
     return sim_device_transmit(&b->device, frames);
 }
 
@@ -144,8 +148,10 @@ static void bus_send(bus *b, const palp_can_frame *frame) {
 /* Torques to zero and drives to idle, whatever the state was. */
 static void stop_drives(bus *b, const palp_device *device) {
     for (uint32_t i = 0; i < PALP_AXES; i++) {
-        palp_odrive_message zero = {.node = device->node_id[i], .command = PALP_ODRIVE_SET_INPUT_TORQUE};
-        palp_odrive_message idle = {.node = device->node_id[i], .command = PALP_ODRIVE_SET_AXIS_STATE,
+        palp_odrive_message zero = {.node = device->node_id[i],
+                                    .command = PALP_ODRIVE_SET_INPUT_TORQUE};
+        palp_odrive_message idle = {.node = device->node_id[i],
+                                    .command = PALP_ODRIVE_SET_AXIS_STATE,
                                     .state = PALP_ODRIVE_IDLE};
         palp_can_frame frame = palp_odrive_encode(&zero);
         bus_send(b, &frame);
@@ -180,11 +186,13 @@ static float *peak_displacement(const palp_blob *blob, const peak *p) {
     size_t bytes = palp_field_memsize(blob);
     void *memory = allocate_aligned(bytes, 1);
     float *u = allocate(3 * (size_t)blob->meta->nodes, sizeof *u);
-    if (palp_field_init(&field, blob, memory, bytes) != PALP_OK) die(EXIT_WORK, "the field does not open");
+    if (palp_field_init(&field, blob, memory, bytes) != PALP_OK)
+        die(EXIT_WORK, "the field does not open");
     palp_field_update(&field, p->load, p->count);
     const float *x = palp_field_reconstruct(&field, blob->meta->levels - 1);
     for (uint32_t s = 0; s < blob->domain[PALP_FREE].slots; s++) {
-        for (uint32_t k = 0; k < 3; k++) u[3 * blob->domain[PALP_FREE].node[s] + k] = x[PALP_FIELD_LANES * s + k];
+        for (uint32_t k = 0; k < 3; k++)
+            u[3 * blob->domain[PALP_FREE].node[s] + k] = x[PALP_FIELD_LANES * s + k];
     }
     free(memory);
     return u;
@@ -198,8 +206,11 @@ static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *co
     palp_status status = palp_servo_open(&servo, blob, config, memory, bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET) {
         float have = config->cost.margin * 1e6f / config->rate_hz;
-        die(EXIT_WORK, "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz leave: lower --rate",
-            (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - (double)have, (double)have, (double)config->rate_hz);
+        die(EXIT_WORK,
+            "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz "
+            "leave: lower --rate",
+            (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - (double)have, (double)have,
+            (double)config->rate_hz);
     }
     if (status != PALP_OK) die(EXIT_WORK, "cannot open the servo: %s", palp_status_text(status));
     return servo;
@@ -218,9 +229,11 @@ typedef struct {
     bool state_shown;
 } session;
 
-static void log_frames(const session *s, double time_s, const palp_can_frame *frames, uint32_t count) {
+static void log_frames(const session *s, double time_s, const palp_can_frame *frames,
+                       uint32_t count) {
     const char *name = s->bus->loop ? "loop" : s->spec->bus;
-    for (uint32_t i = 0; s->log != NULL && i < count; i++) candump_line(s->log, time_s, name, &frames[i]);
+    for (uint32_t i = 0; s->log != NULL && i < count; i++)
+        candump_line(s->log, time_s, name, &frames[i]);
 }
 
 /* Says at once when the state changes, so that nobody waits for a device that is not there. */
@@ -232,7 +245,8 @@ static void announce(session *s, const palp_report *r) {
     report_faults(r->faults, faults, sizeof faults);
     if (s->bus->loop && r->state != PALP_STATE_FAULT) return;
     if (r->state == PALP_STATE_INIT) {
-        warn("waiting for heartbeats of nodes %d %d %d on %s", s->device->node_id[0], s->device->node_id[1], s->device->node_id[2], s->spec->bus);
+        warn("waiting for heartbeats of nodes %d %d %d on %s", s->device->node_id[0],
+             s->device->node_id[1], s->device->node_id[2], s->spec->bus);
     } else {
         warn("%s%s%s", report_state(r->state), r->faults != 0 ? ": " : "", faults);
     }
@@ -269,8 +283,8 @@ static void run(session *s) {
             late_us = (float)sleep_until(next) * 1e-3f;
             uint64_t now = monotonic_ns(NULL);
             /*
-             * After an overrun whole periods are skipped, never made up for in a burst, and what queued up
-             * meanwhile is too old to use. A simulated device waits with us.
+             * After an overrun whole periods are skipped, never made up for in a burst, and what
+             * queued up meanwhile is too old to use. A simulated device waits with us.
              */
             uint64_t skipped = now > next ? (now - next) / period_ns : 0;
             next += skipped * period_ns;
@@ -299,16 +313,19 @@ static void unroll(session *s) {
 }
 
 int main(int argc, char **argv) {
-    daemon_spec s = {.hand = "touch", .rate_hz = 1000, .seconds = 10, .touch = UINT32_MAX, .cpu = -1};
+    daemon_spec s = {
+        .hand = "touch", .rate_hz = 1000, .seconds = 10, .touch = UINT32_MAX, .cpu = -1};
     program_name = "palpd";
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
     if (s.bus == NULL) die(EXIT_USAGE, "no bus: add --bus INTERFACE or --bus loop");
     if (s.device == NULL) die(EXIT_USAGE, "no device: add --device NAME|FILE");
-    if (s.no_wait && strcmp(s.bus, "loop") != 0) die(EXIT_USAGE, "--no-wait goes with --bus loop only");
+    if (s.no_wait && strcmp(s.bus, "loop") != 0)
+        die(EXIT_USAGE, "--no-wait goes with --bus loop only");
     device_file file = device_load(s.device);
     palp_blob blob = load_blob(s.blob);
-    if (s.touch != UINT32_MAX && (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch))) {
+    if (s.touch != UINT32_MAX &&
+        (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch))) {
         die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s.touch);
     }
     bus b = bus_open(&s, &file);
@@ -321,20 +338,30 @@ int main(int argc, char **argv) {
 
     realtime_setup(s.cpu, s.priority, s.strict);
     touch_frame touch = place_body(&blob, &file.device, s.touch);
-    palp_servo_config config = {.device = file.device, .placement = touch.placement, .rate_hz = (float)s.rate_hz,
-                                .limits = PALP_CONTACT_DEFAULTS, .tool_radius_m = touch.tool_radius_m,
-                                .cost = {.margin = TICK_SHARE}, .port = {.now_ns = monotonic_ns}};
+    palp_servo_config config = {.device = file.device,
+                                .placement = touch.placement,
+                                .rate_hz = (float)s.rate_hz,
+                                .limits = PALP_CONTACT_DEFAULTS,
+                                .tool_radius_m = touch.tool_radius_m,
+                                .cost = {.margin = TICK_SHARE},
+                                .port = {.now_ns = monotonic_ns}};
     config.cost.ns_per_operation = calibrate(&blob, config.limits, touch.node, touch.tool_radius_m);
     ses.servo = open_servo(&blob, &config);
-    ses.capacity = s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
+    ses.capacity =
+        s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
     ses.peak.load = allocate(config.limits.max_active, sizeof *ses.peak.load);
-    ses.record = (run_record){.tick = allocate(ses.capacity, sizeof *ses.record.tick), .rate_hz = s.rate_hz,
-                                  .late_us = s.no_wait ? NULL : allocate(ses.capacity, sizeof(float)),
-                                  .blob_name = s.blob, .device_name = file.name, .bus_name = s.bus, .blob = &blob,
-                                  .tool_radius_m = touch.tool_radius_m};
-    printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32 ", scale %.4g, %.3g ns per operation\n", s.blob,
-           blob.meta->nodes, (double)touch.tool_radius_m, touch.node, (double)touch.placement.scale,
-           (double)config.cost.ns_per_operation);
+    ses.record = (run_record){.tick = allocate(ses.capacity, sizeof *ses.record.tick),
+                              .rate_hz = s.rate_hz,
+                              .late_us = s.no_wait ? NULL : allocate(ses.capacity, sizeof(float)),
+                              .blob_name = s.blob,
+                              .device_name = file.name,
+                              .bus_name = s.bus,
+                              .blob = &blob,
+                              .tool_radius_m = touch.tool_radius_m};
+    printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
+           ", scale %.4g, %.3g ns per operation\n",
+           s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
+           (double)touch.placement.scale, (double)config.cost.ns_per_operation);
     fflush(stdout);
     signal(SIGINT, on_interrupt);
     signal(SIGTERM, on_interrupt);
@@ -361,11 +388,13 @@ int main(int argc, char **argv) {
         commit_output(&view);
     }
     const palp_report *last = &r->tick[r->count - 1];
-    if (b.health.failed) warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
+    if (b.health.failed)
+        warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
     if (last->state != PALP_STATE_RUN) {
         char faults[128];
         report_faults(last->faults, faults, sizeof faults);
-        warn("the run ended in state %s%s%s", report_state(last->state), last->faults != 0 ? ": " : "", faults);
+        warn("the run ended in state %s%s%s", report_state(last->state),
+             last->faults != 0 ? ": " : "", faults);
     }
     return last->state == PALP_STATE_RUN && last->faults == 0 ? EXIT_SUCCESS : EXIT_WORK;
 }

@@ -21,7 +21,8 @@ uint64_t monotonic_ns(void *context) {
 }
 
 uint64_t sleep_until(uint64_t deadline_ns) {
-    struct timespec t = {.tv_sec = (time_t)(deadline_ns / NS_PER_S), .tv_nsec = (long)(deadline_ns % NS_PER_S)};
+    struct timespec t = {.tv_sec = (time_t)(deadline_ns / NS_PER_S),
+                         .tv_nsec = (long)(deadline_ns % NS_PER_S)};
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) continue;
     uint64_t now = monotonic_ns(NULL);
     return now > deadline_ns ? now - deadline_ns : 0;
@@ -42,17 +43,20 @@ void realtime_setup(int cpu, int priority, bool strict) {
         cpu_set_t set;
         CPU_ZERO(&set);
         CPU_SET((unsigned)cpu, &set);
-        if (sched_setaffinity(0, sizeof set, &set) != 0) die(EXIT_USAGE, "--cpu: processor %d is not there", cpu);
+        if (sched_setaffinity(0, sizeof set, &set) != 0)
+            die(EXIT_USAGE, "--cpu: processor %d is not there", cpu);
     }
     if (!wanted) return;
     if (uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") == NULL) {
         complain(strict, "the kernel is not PREEMPT_RT", "install linux-image-rt-amd64 or -arm64");
     }
     if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-        complain(strict, "memory cannot be locked", "raise the memlock limit (ulimit -l unlimited)");
+        complain(strict, "memory cannot be locked",
+                 "raise the memlock limit (ulimit -l unlimited)");
     }
     struct sched_param p = {.sched_priority = priority > 0 ? priority : 40};
     if (sched_setscheduler(0, SCHED_FIFO, &p) != 0) {
-        complain(strict, "SCHED_FIFO was refused", "raise the rtprio limit or run with CAP_SYS_NICE");
+        complain(strict, "SCHED_FIFO was refused",
+                 "raise the rtprio limit or run with CAP_SYS_NICE");
     }
 }

@@ -12,8 +12,9 @@ uint64_t monotonic_ns(void *context);
 uint64_t sleep_until(uint64_t deadline_ns);
 
 /*
- * Locks memory, moves to SCHED_FIFO at `priority` (0: not) on processor `cpu` (-1: any), switches subnormals off, and
- * says on stderr what could not be had and how to mend it. With `strict` any of these is fatal (exit 1).
+ * Locks memory, moves to SCHED_FIFO at `priority` (0: not) on processor `cpu` (-1: any), switches
+ * subnormals off, and says on stderr what could not be had and how to mend it. With `strict` any of
+ * these is fatal (exit 1).
  */
 void realtime_setup(int cpu, int priority, bool strict);
 

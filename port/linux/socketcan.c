@@ -21,16 +21,22 @@ int can_open(const char *interface, const uint32_t *ids, uint32_t count, uint32_
     can_err_mask_t errors = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_ACK | CAN_ERR_TX_TIMEOUT;
     const int on = 1;
     int fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
-    if (fd < 0) die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop", strerror(errno));
-    if (strlen(interface) >= sizeof request.ifr_name) die(EXIT_USAGE, "--bus: '%s' is no interface name", interface);
+    if (fd < 0)
+        die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop",
+            strerror(errno));
+    if (strlen(interface) >= sizeof request.ifr_name)
+        die(EXIT_USAGE, "--bus: '%s' is no interface name", interface);
     memcpy(request.ifr_name, interface, strlen(interface));
     if (ioctl(fd, SIOCGIFINDEX, &request) < 0) {
-        die(EXIT_USAGE, "--bus: no interface '%s': create it, for example 'ip link add %s type vcan && ip link set %s up'",
+        die(EXIT_USAGE,
+            "--bus: no interface '%s': create it, for example 'ip link add %s type vcan && ip link "
+            "set %s up'",
             interface, interface, interface);
     }
     address.can_ifindex = request.ifr_ifindex;
     for (uint32_t i = 0; i < count && i < MAX_FILTERS; i++) {
-        filter[i] = (struct can_filter){.can_id = ids[i], .can_mask = mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
+        filter[i] =
+            (struct can_filter){.can_id = ids[i], .can_mask = mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
     }
     if (count > 0) setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FILTER, filter, count * sizeof filter[0]);
     setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
@@ -48,7 +54,9 @@ static ssize_t receive_one(int fd, struct can_frame *raw, can_health *health) {
         struct cmsghdr align;
     } control;
     struct iovec data = {.iov_base = raw, .iov_len = sizeof *raw};
-    struct msghdr message = {.msg_iov = &data, .msg_iovlen = 1, .msg_control = control.bytes,
+    struct msghdr message = {.msg_iov = &data,
+                             .msg_iovlen = 1,
+                             .msg_control = control.bytes,
                              .msg_controllen = sizeof control.bytes};
     ssize_t got = recvmsg(fd, &message, MSG_DONTWAIT);
     if (got < 0) return got;

@@ -7,8 +7,9 @@
 #include <stdbool.h>
 
 /*
- * Opens `interface`; exits 2 with a mend when the kernel has no CAN or no such interface. `ids`/`mask`: the
- * frames to receive are those with (id & mask) equal to one of ids; count 0 receives all.
+ * Opens `interface`; exits 2 with a mend when the kernel has no CAN or no such interface.
+ * `ids`/`mask`: the frames to receive are those with (id & mask) equal to one of ids; count 0
+ * receives all.
  */
 int can_open(const char *interface, const uint32_t *ids, uint32_t count, uint32_t mask);
 

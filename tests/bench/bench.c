@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Fast summation and full-field ticks against dense summation and against streaming the same bytes, in one run.
+ * Fast summation and full-field ticks against dense summation and against streaming the same bytes,
+ * in one run.
  *
  *     bench MESH.obj FIX_Z OUT.json     (make bench)
  */
@@ -28,8 +29,11 @@ static double median(double *x, int n) {
     return x[n / 2];
 }
 
-static void row(const char *name, double value, const char *unit, const char *baseline, double ratio) {
-    fprintf(json, "%s{\"name\": \"%s\", \"value\": %.6g, \"unit\": \"%s\", \"baseline\": \"%s\", \"ratio\": %.6g}",
+static void row(const char *name, double value, const char *unit, const char *baseline,
+                double ratio) {
+    fprintf(json,
+            "%s{\"name\": \"%s\", \"value\": %.6g, \"unit\": \"%s\", \"baseline\": \"%s\", "
+            "\"ratio\": %.6g}",
             first_row ? "[" : ",\n ", name, value, unit, baseline, ratio);
     first_row = false;
     printf("%-58s %10.3f %-3s  %8.2f x %s\n", name, value, unit, ratio, baseline);
@@ -46,11 +50,14 @@ static void stream(const void *data, size_t bytes) {
     sink = sum[0];
 }
 
-/* y (3 m) += columns of the dense float matrix stored column-major: three columns per node, each a contiguous run. */
-static void dense_sum(const float *g, size_t m, const uint32_t *slot, const float (*f)[3], float *y) {
+/* y (3 m) += columns of the dense float matrix stored column-major: three columns per node, each a
+ * contiguous run. */
+static void dense_sum(const float *g, size_t m, const uint32_t *slot, const float (*f)[3],
+                      float *y) {
     for (int j = 0; j < COLUMNS; j++) {
         const float *c = g + (size_t)slot[j] * 9 * m;
-        for (size_t i = 0; i < 3 * m; i++) y[i] += c[i] * f[j][0] + c[3 * m + i] * f[j][1] + c[6 * m + i] * f[j][2];
+        for (size_t i = 0; i < 3 * m; i++)
+            y[i] += c[i] * f[j][0] + c[3 * m + i] * f[j][1] + c[6 * m + i] * f[j][2];
     }
 }
 
@@ -99,14 +106,16 @@ static void run_field(const setting *s) {
 /* Interleaves the five, so that the machine's drift meets all alike. */
 static void measure(const setting *s, double epsilon, double compression, double rms) {
     static double t[5][ROUNDS];
-    void (*const work[5])(const setting *) = {run_dense, run_dense_stream, run_sparse, run_sparse_stream, run_field};
+    void (*const work[5])(const setting *) = {run_dense, run_dense_stream, run_sparse,
+                                              run_sparse_stream, run_field};
     for (int r = 0; r < ROUNDS; r++) {
         for (int k = 0; k < 5; k++) t[k][r] = time_of(work[k], s);
     }
     double m[5];
     for (int k = 0; k < 5; k++) m[k] = median(t[k], ROUNDS);
     char name[96];
-    printf("\nepsilon %g: compression %.2f, RMS %.4f, %d columns on %zu nodes\n", epsilon, compression, rms, COLUMNS, s->m);
+    printf("\nepsilon %g: compression %.2f, RMS %.4f, %d columns on %zu nodes\n", epsilon,
+           compression, rms, COLUMNS, s->m);
     row("dense summation", m[0], "us", "stream of the same bytes (time ratio)", m[0] / m[1]);
     snprintf(name, sizeof name, "fast summation, epsilon %g", epsilon);
     row(name, m[2], "us", "dense summation (speed-up)", m[0] / m[2]);
@@ -129,7 +138,8 @@ static void measure_contact(const palp_blob *b) {
         for (uint32_t i = 0; i < b->meta->nodes; i++) {
             if (b->rest_m[3 * i + 1] < b->rest_m[3 * top + 1] && !palp_node_is_fixed(b, i)) top = i;
         }
-        (void)palp_contact_init(&c, b, b->rest_m, radius * edge, PALP_CONTACT_DEFAULTS, allocate_aligned(bytes, 1), bytes);
+        (void)palp_contact_init(&c, b, b->rest_m, radius * edge, PALP_CONTACT_DEFAULTS,
+                                allocate_aligned(bytes, 1), bytes);
         palp_vec3 n = palp_vec3_at(b->normal + 3 * top), x = palp_vec3_at(b->rest_m + 3 * top);
         for (int i = 0; i < 400; i++) {
             palp_vec3 p = palp_madd(x, edge * (radius + 1 - 0.006f * (float)i), n);
@@ -141,7 +151,8 @@ static void measure_contact(const palp_blob *b) {
             active = c.active_count;
         }
         char name[96];
-        snprintf(name, sizeof name, "contact tick, tool of %g edges, %u nodes at the end", (double)radius, active);
+        snprintf(name, sizeof name, "contact tick, tool of %g edges, %u nodes at the end",
+                 (double)radius, active);
         double typical = median(t, 400);
         row(name, typical, "us", "period at 1 kHz (share)", typical / 1000);
     }
@@ -162,7 +173,8 @@ int main(int argc, char **argv) {
         for (size_t j = 0; j < s.m; j++) {
             for (size_t k = 0; k < 3; k++) {
                 for (size_t i = 0; i < 3 * s.m; i++) {
-                    dense[(3 * j + k) * 3 * s.m + i] = (float)greens_row(&b.g, d->node[i / 3], i % 3)[3 * d->node[j] + k];
+                    dense[(3 * j + k) * 3 * s.m + i] =
+                        (float)greens_row(&b.g, d->node[i / 3], i % 3)[3 * d->node[j] + k];
                 }
             }
         }

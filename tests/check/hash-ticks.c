@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Feeds the drives' frames of a candump log to the servo and prints a hash of every frame and force it gives. */
+/* Feeds the drives' frames of a candump log to the servo and prints a hash of every frame and force
+ * it gives. */
 #include "core/palp.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,23 +26,37 @@ int main(int argc, char **argv) {
     size_t bytes = (size_t)ftell(f);
     rewind(f);
     void *data = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    if (fread(data, 1, bytes, f) != bytes || palp_blob_open(&blob, data, bytes) != PALP_OK) return 1;
-    palp_servo_config config = {
-        .device = {.arm = {0.14f, 0.14f}, .node_id = {1, 2, 3}, .gear = {10, 10, 10}, .counts_per_rev = 8192,
-                   .joint_min_rad = {-2, -2, -2}, .joint_max_rad = {2, 2, 2}, .motor_torque_max_Nm = 0.35f,
-                   .force_max_N = 8.5f, .slew_max_N_per_s = 4000, .speed_max_m_s = 1.5f,
-                   .stiffness_max_N_per_m = 700, .damping_max_Ns_per_m = 1.5f},
-        .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
-        .limits = PALP_CONTACT_DEFAULTS, .cost = {0.01f, 0.8f}, .port = {.now_ns = still_clock},
-        .rate_hz = 1000, .tool_radius_m = 0.012f};
+    if (fread(data, 1, bytes, f) != bytes || palp_blob_open(&blob, data, bytes) != PALP_OK)
+        return 1;
+    palp_servo_config config = {.device = {.arm = {0.14f, 0.14f},
+                                           .node_id = {1, 2, 3},
+                                           .gear = {10, 10, 10},
+                                           .counts_per_rev = 8192,
+                                           .joint_min_rad = {-2, -2, -2},
+                                           .joint_max_rad = {2, 2, 2},
+                                           .motor_torque_max_Nm = 0.35f,
+                                           .force_max_N = 8.5f,
+                                           .slew_max_N_per_s = 4000,
+                                           .speed_max_m_s = 1.5f,
+                                           .stiffness_max_N_per_m = 700,
+                                           .damping_max_Ns_per_m = 1.5f},
+                                .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
+                                .limits = PALP_CONTACT_DEFAULTS,
+                                .cost = {0.01f, 0.8f},
+                                .port = {.now_ns = still_clock},
+                                .rate_hz = 1000,
+                                .tool_radius_m = 0.012f};
     /* The highest free node lies under the tool at the home position. */
     uint32_t top = blob.domain[PALP_FREE].node[0];
     for (uint32_t i = 0; i < blob.meta->nodes; i++) {
-        if (!palp_node_is_fixed(&blob, i) && blob.rest_m[3 * i + 2] > blob.rest_m[3 * top + 2]) top = i;
+        if (!palp_node_is_fixed(&blob, i) && blob.rest_m[3 * i + 2] > blob.rest_m[3 * top + 2])
+            top = i;
     }
-    config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1], blob.rest_m[3 * top + 2] + 0.012f};
+    config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1],
+                                            blob.rest_m[3 * top + 2] + 0.012f};
     size_t size = palp_servo_memsize(&blob, config.limits);
-    if (palp_servo_open(&servo, &blob, &config, aligned_alloc(64, size), size, NULL) != PALP_OK) return 1;
+    if (palp_servo_open(&servo, &blob, &config, aligned_alloc(64, size), size, NULL) != PALP_OK)
+        return 1;
 
     FILE *log = fopen(argv[2], "r");
     palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
@@ -51,10 +66,12 @@ int main(int argc, char **argv) {
     unsigned id;
     float largest = 0;
     for (;;) {
-        bool more = fgets(line, sizeof line, log) != NULL && sscanf(line, "%63s %*s %x#%159s", stamp, &id, hex) >= 2;
+        bool more = fgets(line, sizeof line, log) != NULL &&
+                    sscanf(line, "%63s %*s %x#%159s", stamp, &id, hex) >= 2;
         if ((!more || strcmp(stamp, last) != 0) && last[0] != '\0') {
             uint32_t sent = palp_servo_tick(servo, in, n, out, &report);
-            for (uint32_t i = 0; i < sent; i++) mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);
+            for (uint32_t i = 0; i < sent; i++)
+                mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);
             mix(&report.force_N, sizeof report.force_N);
             mix(&report.tool_m, sizeof report.tool_m);
             largest = palp_max(largest, palp_norm(report.force_N));
@@ -72,6 +89,7 @@ int main(int argc, char **argv) {
             frame->data[i] = (uint8_t)byte;
         }
     }
-    printf("%016llx largest %.9g N, %u faults\n", (unsigned long long)hash, (double)largest, report.faults);
+    printf("%016llx largest %.9g N, %u faults\n", (unsigned long long)hash, (double)largest,
+           report.faults);
     return 0;
 }

@@ -22,8 +22,10 @@ static void test_crc(void) {
     uint8_t data[256];
     CHECK(palp_crc32c(0, "123456789", 9) == 0xe3069283u, "CRC-32C check value");
     for (int i = 0; i < 256; i++) data[i] = (uint8_t)i;
-    CHECK(palp_crc32c(0, data, 256) == crc_by_bits(data, 256), "CRC-32C of every byte against the bitwise form");
-    CHECK(palp_crc32c(palp_crc32c(0, data, 100), data + 100, 156) == crc_by_bits(data, 256), "CRC-32C continues");
+    CHECK(palp_crc32c(0, data, 256) == crc_by_bits(data, 256),
+          "CRC-32C of every byte against the bitwise form");
+    CHECK(palp_crc32c(palp_crc32c(0, data, 100), data + 100, 156) == crc_by_bits(data, 256),
+          "CRC-32C continues");
 }
 
 static void test_sincos(void) {
@@ -31,10 +33,12 @@ static void test_sincos(void) {
     for (int i = -100000; i <= 100000; i++) {
         float x = (float)i * 1e-4f, s, c;
         palp_sincos(x, &s, &c);
-        worst = fmax(worst, fmax(fabs((double)s - sin((double)x)), fabs((double)c - cos((double)x))));
+        worst =
+            fmax(worst, fmax(fabs((double)s - sin((double)x)), fabs((double)c - cos((double)x))));
     }
     AT_MOST(worst, 3e-7, "sine and cosine, |x| <= 10, against libm");
-    CHECK(!palp_is_finite(NAN) && !palp_is_finite(-INFINITY) && palp_is_finite(3e38f), "finite by bits");
+    CHECK(!palp_is_finite(NAN) && !palp_is_finite(-INFINITY) && palp_is_finite(3e38f),
+          "finite by bits");
 }
 
 /* Solves in double by Gauss-Jordan with full row search. */
@@ -94,7 +98,8 @@ static void test_cholesky(void) {
     CHECK(palp_chol_factor(r, N, N) == PALP_OK, "Cholesky factors");
     palp_chol_solve(r, N, N, x);
     solve_double(a, b, exact, N);
-    AT_MOST(relative(x, exact, N), 1e-5, "Cholesky solve, n = %d, against Gauss-Jordan in double", N);
+    AT_MOST(relative(x, exact, N), 1e-5, "Cholesky solve, n = %d, against Gauss-Jordan in double",
+            N);
 
     /* Grow from nothing, then remove three rows: same solution as the reduced matrix. */
     for (size_t n = 0; n < N; n++) {
@@ -152,7 +157,8 @@ static void test_lu(void) {
     }
     AT_MOST(relative(x, exact, N), 1.2e-7, "the same after two refinements");
     memset(lu, 0, sizeof lu);
-    CHECK(palp_lu_factor(lu, perm, N, N) == PALP_ERR_SINGULAR, "a singular matrix is refused by LU");
+    CHECK(palp_lu_factor(lu, perm, N, N) == PALP_ERR_SINGULAR,
+          "a singular matrix is refused by LU");
 }
 
 int main(void) {
@@ -163,6 +169,7 @@ int main(void) {
     for (int i = 0; i < PALP_STATUS_COUNT; i++) {
         if (strlen(palp_status_text((palp_status)i)) < 2) CHECK(false, "status %d has no text", i);
     }
-    CHECK(strcmp(palp_status_text((palp_status)999), "unknown status") == 0, "unknown status has a text");
+    CHECK(strcmp(palp_status_text((palp_status)999), "unknown status") == 0,
+          "unknown status has a text");
     return tap_done();
 }

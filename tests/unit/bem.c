@@ -29,7 +29,8 @@ static const double stress[3][3] = {{1.0, 0.3, -0.2}, {0.3, -0.7, 0.5}, {-0.2, 0
 static void stress_traction(const void *context, const double y[3], const double n[3], double *t) {
     (void)context;
     (void)y;
-    for (int i = 0; i < 3; i++) t[i] = stress[i][0] * n[0] + stress[i][1] * n[1] + stress[i][2] * n[2];
+    for (int i = 0; i < 3; i++)
+        t[i] = stress[i][0] * n[0] + stress[i][1] * n[1] + stress[i][2] * n[2];
 }
 
 /* u = strain y for that stress. */
@@ -65,7 +66,8 @@ static void test_patch(mesh m, const char *name, double tolerance, double limit)
         rotation = fmax(rotation, fabs(turned));
         patch = fmax(patch, fabs(strained));
     }
-    AT_MOST(rotation / scale, limit, "%s, quadrature %g: H annihilates a rotation", name, tolerance);
+    AT_MOST(rotation / scale, limit, "%s, quadrature %g: H annihilates a rotation", name,
+            tolerance);
     AT_MOST(patch / scale, limit, "%s, quadrature %g: linear patch test", name, tolerance);
     free(all);
     free(t);
@@ -82,7 +84,8 @@ static double error_up_to_rigid(const mesh *m, const double *u, const double *ex
         double error = 0, norm = 0;
         for (size_t i = 0; i < m->vertices; i++) {
             const double *x = m->x[i];
-            const double mode[6][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -x[2], x[1]}, {x[2], 0, -x[0]}, {-x[1], x[0], 0}};
+            const double mode[6][3] = {{1, 0, 0},        {0, 1, 0},        {0, 0, 1},
+                                       {0, -x[2], x[1]}, {x[2], 0, -x[0]}, {-x[1], x[0], 0}};
             double d[3];
             v_sub(u + 3 * i, exact + 3 * i, d);
             for (int p = 0; p < 6; p++) {
@@ -99,7 +102,8 @@ static double error_up_to_rigid(const mesh *m, const double *u, const double *ex
     }
 }
 
-/* Prescribes nodal tractions everywhere; six rows of the singular system give way to fixing the rigid motion. */
+/* Prescribes nodal tractions everywhere; six rows of the singular system give way to fixing the
+ * rigid motion. */
 static void solve_tractions(const mesh *m, double *h, const double *g, const double *p, double *u) {
     size_t order = 3 * (size_t)m->vertices;
     uint32_t *perm = allocate(order + 6, sizeof *perm);
@@ -108,10 +112,13 @@ static void solve_tractions(const mesh *m, double *h, const double *g, const dou
     for (size_t i = 0; i < order; i++) {
         memcpy(a + i * n, h + i * order, order * sizeof *a);
         for (size_t j = 0; j < order; j++) b[i] += g[i * order + j] * p[j];
-        /* bordered with the rigid modes on both sides: nonsingular, and exact for compatible loads */
+        /* bordered with the rigid modes on both sides: nonsingular, and exact for compatible loads
+         */
         const double *x = m->x[i / 3];
-        const double mode[6][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -x[2], x[1]}, {x[2], 0, -x[0]}, {-x[1], x[0], 0}};
-        for (size_t k = 0; k < 6; k++) a[i * n + order + k] = a[(order + k) * n + i] = mode[k][i % 3];
+        const double mode[6][3] = {{1, 0, 0},        {0, 1, 0},        {0, 0, 1},
+                                   {0, -x[2], x[1]}, {x[2], 0, -x[0]}, {-x[1], x[0], 0}};
+        for (size_t k = 0; k < 6; k++)
+            a[i * n + order + k] = a[(order + k) * n + i] = mode[k][i % 3];
     }
     if (dense_lu(a, n, n, perm) < n) CHECK(false, "bordered system is singular");
     dense_lu_solve(a, n, n, perm, b, 1, 1);
@@ -125,7 +132,8 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
     mesh m = model_sphere(levels);
     size_t order = 3 * (size_t)m.vertices;
     double *h = allocate(order * order, sizeof *h), *g = allocate(order * order, sizeof *g);
-    double *p = allocate(order, sizeof *p), *u = allocate(order, sizeof *u), *exact = allocate(order, sizeof *exact);
+    double *p = allocate(order, sizeof *p), *u = allocate(order, sizeof *u),
+           *exact = allocate(order, sizeof *exact);
     bem_material material = {young, poisson, BEM_TOLERANCE};
     bem_assemble(&m, &material, h, order, g, order, NULL);
     /* Unit pressure: u = -(1 - 2 nu) R / E along the radius (PITFALLS 1). */
@@ -134,14 +142,16 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
         exact[i] = -(1 - 2 * poisson) / young * m.x[i / 3][i % 3];
     }
     solve_tractions(&m, h, g, p, u);
-    AT_MOST(error_up_to_rigid(&m, u, exact), 1.3 * pressure_limit, "sphere of %u nodes under pressure", m.vertices);
+    AT_MOST(error_up_to_rigid(&m, u, exact), 1.3 * pressure_limit,
+            "sphere of %u nodes under pressure", m.vertices);
     /* Unit tension along z: t = n_z e_z. */
     for (size_t i = 0; i < order; i++) {
         p[i] = i % 3 == 2 ? m.x[i / 3][2] : 0;
         exact[i] = m.x[i / 3][i % 3] / young * (i % 3 == 2 ? 1 : -poisson);
     }
     solve_tractions(&m, h, g, p, u);
-    AT_MOST(error_up_to_rigid(&m, u, exact), 1.3 * uniaxial_limit, "sphere of %u nodes in uniaxial tension", m.vertices);
+    AT_MOST(error_up_to_rigid(&m, u, exact), 1.3 * uniaxial_limit,
+            "sphere of %u nodes in uniaxial tension", m.vertices);
     free(h);
     free(g);
     free(p);
@@ -150,7 +160,8 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
     mesh_free(&m);
 }
 
-/* Gravity on a body hanging from its fixed nodes: the reactions carry its weight, and the sag of a column agrees. */
+/* Gravity on a body hanging from its fixed nodes: the reactions carry its weight, and the sag of a
+ * column agrees. */
 static void test_gravity(void) {
     baked b = model_bake(model_box(1.0, 6), 1e-9, 0, true, false);
     double reaction[3] = {0}, top = 0;
@@ -158,15 +169,19 @@ static void test_gravity(void) {
         for (size_t k = 0; k < 3; k++) {
             double v = greens_row(&b.g, i, k)[3 * b.g.nodes + 2];
             if (b.fixed[i] != 0) reaction[k] += v;
-            if (k == 2 && b.m.x[i][2] > 1 - 1e-9 && fabs(b.m.x[i][0] - 0.5) < 1e-9 && fabs(b.m.x[i][1] - 0.5) < 1e-9) top = v;
+            if (k == 2 && b.m.x[i][2] > 1 - 1e-9 && fabs(b.m.x[i][0] - 0.5) < 1e-9 &&
+                fabs(b.m.x[i][1] - 0.5) < 1e-9)
+                top = v;
         }
     }
     double weight = 1000.0; /* density times volume times unit acceleration along +z */
-    AT_MOST(fabs(reaction[2] + weight) / weight, 0.03, "cube in gravity: reactions carry the weight");
+    AT_MOST(fabs(reaction[2] + weight) / weight, 0.03,
+            "cube in gravity: reactions carry the weight");
     AT_MOST(fabs(reaction[0]) / weight, 0.01, "cube in gravity: no lateral reaction");
     /* A free-sliding column sags rho g L^2 / 2E; a glued base stiffens it by a good part. */
     double column = 1000.0 / (2 * b.material.young_Pa);
-    CHECK(top > 0.5 * column && top < column, "cube in gravity: sag %.4g below the sliding column's %.4g", top, column);
+    CHECK(top > 0.5 * column && top < column,
+          "cube in gravity: sag %.4g below the sliding column's %.4g", top, column);
 }
 
 int main(void) {

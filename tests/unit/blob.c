@@ -15,7 +15,8 @@ static palp_status open_copy(uint8_t *copy, size_t bytes) {
     return palp_blob_open(&b, copy, bytes);
 }
 
-/* Recomputes all CRCs, so that only the checks behind them stand between a bad value and its use. */
+/* Recomputes all CRCs, so that only the checks behind them stand between a bad value and its use.
+ */
 static void reseal(uint8_t *blob) {
     palp_blob_header *h = (palp_blob_header *)(void *)blob;
     palp_blob_entry *e = (palp_blob_entry *)(void *)(blob + sizeof *h);
@@ -54,12 +55,14 @@ static void test_lengths(uint8_t *copy) {
     CHECK(open_copy(copy, sample.size - 1) == PALP_ERR_TRUNCATED, "one byte short says truncated");
     CHECK(open_copy(copy, sample.size + 64) == PALP_ERR_TABLE, "bytes behind the end are refused");
     palp_blob b;
-    CHECK(palp_blob_open(&b, copy + 4, sample.size) == PALP_ERR_ALIGNMENT, "a misaligned blob is refused");
+    CHECK(palp_blob_open(&b, copy + 4, sample.size) == PALP_ERR_ALIGNMENT,
+          "a misaligned blob is refused");
     CHECK(palp_blob_open(&b, NULL, 0) == PALP_ERR_ALIGNMENT, "no blob is refused");
 }
 
 /* Writes `value` at byte `at` of a section of a resealed copy and expects `wanted`. */
-static void expect_bad(uint32_t type, size_t at, uint32_t value, palp_status wanted, const char *what) {
+static void expect_bad(uint32_t type, size_t at, uint32_t value, palp_status wanted,
+                       const char *what) {
     uint8_t *copy = allocate_aligned(sample.size, 1);
     memcpy(copy, sample.bytes, sample.size);
     memcpy(section_of(copy, type) + at, &value, sizeof value);
@@ -69,7 +72,8 @@ static void expect_bad(uint32_t type, size_t at, uint32_t value, palp_status wan
     free(copy);
 }
 
-/* Random words in resealed blobs: opening either refuses, or leaves views through which solving stays inside. */
+/* Random words in resealed blobs: opening either refuses, or leaves views through which solving
+ * stays inside. */
 static void test_random(void) {
     uint64_t seed = 2026;
     uint8_t *copy = allocate_aligned(sample.size, 1);
@@ -91,16 +95,19 @@ static void test_random(void) {
         palp_cma cma;
         size_t bytes = palp_cma_memsize(&b, 3);
         void *memory = allocate_aligned(bytes, 1);
-        float *u = allocate(3 * b.meta->nodes, sizeof *u), *f = allocate(3 * b.meta->nodes, sizeof *f);
+        float *u = allocate(3 * b.meta->nodes, sizeof *u),
+              *f = allocate(3 * b.meta->nodes, sizeof *f);
         if (palp_cma_init(&cma, &b, 3, memory, bytes) == PALP_OK) {
-            (void)palp_cma_give(&cma, b.domain[PALP_FREE].node[0], PALP_GIVE_DISPLACEMENT, (palp_vec3){1, 0, 0});
+            (void)palp_cma_give(&cma, b.domain[PALP_FREE].node[0], PALP_GIVE_DISPLACEMENT,
+                                (palp_vec3){1, 0, 0});
             (void)palp_cma_solve(&cma, u, f);
         }
         free(memory);
         free(u);
         free(f);
     }
-    CHECK(true, "%zu resealed random changes: %zu accepted, and solved without leaving the blob", total, accepted);
+    CHECK(true, "%zu resealed random changes: %zu accepted, and solved without leaving the blob",
+          total, accepted);
     free(copy);
 }
 
@@ -115,10 +122,12 @@ int main(void) {
     free(copy);
     expect_bad(PALP_SEC_TRIANGLE, 0, 42, PALP_ERR_RANGE, "a triangle's vertex out of range");
     expect_bad(PALP_SEC_REST, 4, 0x7fc00000u, PALP_ERR_NOT_FINITE, "a NaN position");
-    expect_bad(PALP_SEC_COL_VALUE, 16, 0x7f800000u, PALP_ERR_NOT_FINITE, "an infinite column value");
+    expect_bad(PALP_SEC_COL_VALUE, 16, 0x7f800000u, PALP_ERR_NOT_FINITE,
+               "an infinite column value");
     expect_bad(PALP_SEC_COL_INDEX, 0, 0xffffffffu, PALP_ERR_RANGE, "a row index out of range");
     expect_bad(PALP_SEC_COL_OFFSET, 4, 0xffffu, PALP_ERR_RANGE, "a column offset out of range");
-    expect_bad(PALP_SEC_CHILD_OFFSET, 4, 0x80000000u, PALP_ERR_RANGE, "a child offset out of range");
+    expect_bad(PALP_SEC_CHILD_OFFSET, 4, 0x80000000u, PALP_ERR_RANGE,
+               "a child offset out of range");
     expect_bad(PALP_SEC_RING, 0, 4096, PALP_ERR_RANGE, "a neighbour out of range");
     expect_bad(PALP_SEC_CELL_NODE, 8, 4096, PALP_ERR_RANGE, "a grid node out of range");
     expect_bad(PALP_SEC_NODE, 0, 41, PALP_ERR_RANGE, "a slot that names another slot's node");
@@ -130,7 +139,9 @@ int main(void) {
     baked again = model_bake(model_sphere(1), -0.5, 0.05, false, false);
     set_threads(3);
     baked third = model_bake(model_sphere(1), -0.5, 0.05, false, false);
-    CHECK(again.size == sample.size && memcmp(again.bytes, sample.bytes, sample.size) == 0, "the same bytes on one thread");
-    CHECK(third.size == sample.size && memcmp(third.bytes, sample.bytes, sample.size) == 0, "the same bytes on three threads");
+    CHECK(again.size == sample.size && memcmp(again.bytes, sample.bytes, sample.size) == 0,
+          "the same bytes on one thread");
+    CHECK(third.size == sample.size && memcmp(third.bytes, sample.bytes, sample.size) == 0,
+          "the same bytes on three threads");
     return tap_done();
 }

@@ -10,7 +10,8 @@
 static palp_contact open_contact(const palp_blob *b, float radius, palp_contact_limits limits) {
     palp_contact c;
     size_t bytes = palp_contact_memsize(b, limits);
-    palp_status status = palp_contact_init(&c, b, b->rest_m, radius, limits, allocate_aligned(bytes, 1), bytes);
+    palp_status status =
+        palp_contact_init(&c, b, b->rest_m, radius, limits, allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
     return c;
 }
@@ -23,10 +24,11 @@ static palp_vec3 place(palp_contact *c, palp_vec3 center, palp_grip grip) {
 }
 
 /*
- * The same problem from the dense matrix in double over every free node that sees the tool: 20,000 sweeps of
- * projected Gauss-Seidel.
+ * The same problem from the dense matrix in double over every free node that sees the tool: 20,000
+ * sweeps of projected Gauss-Seidel.
  */
-static double reference_force(const baked *b, palp_vec3 center, double radius, const palp_contact *c, double force[3]) {
+static double reference_force(const baked *b, palp_vec3 center, double radius,
+                              const palp_contact *c, double force[3]) {
     uint32_t n = 0, node[512];
     static double g[512][512], d[512], lambda[512], push[512][3];
     const double p[3] = {(double)center.x, (double)center.y, (double)center.z};
@@ -38,7 +40,8 @@ static double reference_force(const baked *b, palp_vec3 center, double radius, c
         double off = v_norm(t);
         if (b->fixed[i] != 0 || b->m.x[i][2] < 0 || off > 1.6 * radius) continue;
         double inner = 0.8 * radius;
-        double psi = off <= inner ? sqrt(radius * radius - off * off) : 0.6 * radius - (off - inner) * 4 / 3;
+        double psi =
+            off <= inner ? sqrt(radius * radius - off * off) : 0.6 * radius - (off - inner) * 4 / 3;
         double slope = off <= inner ? 1 / psi : 4 / (3 * off);
         d[n] = along + psi;
         for (int k = 0; k < 3; k++) push[n][k] = b->normal[i][k] - slope * t[k];
@@ -49,7 +52,8 @@ static double reference_force(const baked *b, palp_vec3 center, double radius, c
         for (uint32_t j = 0; j < n; j++) {
             g[i][j] = 0;
             for (size_t a = 0; a < 3; a++) {
-                g[i][j] += b->normal[node[i]][a] * v_dot(greens_row(&b->g, node[i], a) + 3 * node[j], b->normal[node[j]]);
+                g[i][j] += b->normal[node[i]][a] *
+                           v_dot(greens_row(&b->g, node[i], a) + 3 * node[j], b->normal[node[j]]);
             }
         }
     }
@@ -82,15 +86,18 @@ static void test_reference(const baked *b) {
         palp_vec3 force = {0};
         /* Come down in steps, as a hand would, off the axis of any symmetry. */
         for (int step = 0; step <= 60; step++) {
-            center = (palp_vec3){0.11f, 0.07f, 1.6f - (0.2f + 0.07f * (float)depth) * (float)step / 60};
+            center =
+                (palp_vec3){0.11f, 0.07f, 1.6f - (0.2f + 0.07f * (float)depth) * (float)step / 60};
             force = place(&c, center, (palp_grip){.held_m = center});
         }
         double exact[3];
         double worst = reference_force(b, center, (double)radius, &c, exact);
         const double got[3] = {(double)force.x, (double)force.y, (double)force.z};
-        AT_MOST(worst, 2e-4, "press %d, %u nodes: each nodal force against Gauss-Seidel in double", depth, c.active_count);
+        AT_MOST(worst, 2e-4, "press %d, %u nodes: each nodal force against Gauss-Seidel in double",
+                depth, c.active_count);
         AT_MOST(v_distance(got, exact) / v_norm(exact), 2e-4, "press %d: force on the tool", depth);
-        CHECK((c.flags & (PALP_CONTACT_PIVOTS_SPENT | PALP_CONTACT_ACTIVE_FULL)) == 0, "press %d: solved within its pivots", depth);
+        CHECK((c.flags & (PALP_CONTACT_PIVOTS_SPENT | PALP_CONTACT_ACTIVE_FULL)) == 0,
+              "press %d: solved within its pivots", depth);
         palp_contact_clear(&c);
     }
 }
@@ -101,8 +108,8 @@ typedef struct {
     uint32_t most_active, flags;
 } loop_result;
 
-static loop_result closed_path(const palp_blob *b, float radius, palp_contact_limits limits, float stiffness, int shape,
-                               double depth) {
+static loop_result closed_path(const palp_blob *b, float radius, palp_contact_limits limits,
+                               float stiffness, int shape, double depth) {
     palp_contact c = open_contact(b, radius, limits);
     palp_coupling coupling = {.stiffness_N_per_m = stiffness};
     const int steps = 12000;
@@ -112,8 +119,10 @@ static loop_result closed_path(const palp_blob *b, float radius, palp_contact_li
     for (int i = 0; i <= steps; i++) {
         double a = 6.283185307179586 * i / steps;
         double down = depth * (double)radius * (1 - cos(a)) / 2;
-        double x = 0.5 * sin(a) * (shape == 1 ? sin(a / 2) : 1), y = 0.35 * sin((shape == 2 ? 3 : 2) * a);
-        palp_vec3 p = {(float)x, (float)y, (float)(sqrt(1 - x * x - y * y) + 1.02 * (double)radius - down)};
+        double x = 0.5 * sin(a) * (shape == 1 ? sin(a / 2) : 1),
+               y = 0.35 * sin((shape == 2 ? 3 : 2) * a);
+        palp_vec3 p = {(float)x, (float)y,
+                       (float)(sqrt(1 - x * x - y * y) + 1.02 * (double)radius - down)};
         palp_vec3 f;
         double stored;
         if (stiffness > 0) {
@@ -129,7 +138,8 @@ static loop_result closed_path(const palp_blob *b, float radius, palp_contact_li
             stored = (double)palp_contact_energy(&c);
         }
         if (i > 0) {
-            absorbed -= 0.5 * ((double)(f.x + last_f.x) * (double)(p.x - last_p.x) + (double)(f.y + last_f.y) * (double)(p.y - last_p.y) +
+            absorbed -= 0.5 * ((double)(f.x + last_f.x) * (double)(p.x - last_p.x) +
+                               (double)(f.y + last_f.y) * (double)(p.y - last_p.y) +
                                (double)(f.z + last_f.z) * (double)(p.z - last_p.z));
         }
         last_f = f;
@@ -147,23 +157,31 @@ static void test_loops(double epsilon) {
     baked b = model_bake(model_sphere(3), -0.7, epsilon, false, false);
     for (int shape = 0; shape < 3; shape++) {
         loop_result r = closed_path(&b.blob, 0.4f, PALP_CONTACT_DEFAULTS, 0, shape, 0.5);
-        AT_MOST(r.given, 1e-4, "epsilon %g, path %d, rigid grip, %u nodes: energy given", epsilon, shape, r.most_active);
+        AT_MOST(r.given, 1e-4, "epsilon %g, path %d, rigid grip, %u nodes: energy given", epsilon,
+                shape, r.most_active);
         AT_MOST(r.dissipated, 1e-4, "epsilon %g, path %d, rigid grip: energy lost", epsilon, shape);
         r = closed_path(&b.blob, 0.4f, PALP_CONTACT_DEFAULTS, 3000, shape, 0.8);
-        AT_MOST(r.given, 1e-4, "epsilon %g, path %d, virtual coupling, %u nodes: energy given", epsilon, shape, r.most_active);
+        AT_MOST(r.given, 1e-4, "epsilon %g, path %d, virtual coupling, %u nodes: energy given",
+                epsilon, shape, r.most_active);
     }
 }
 
 /* Whatever a capacity leaves out must not push when room comes back. */
 static void test_capacities(const baked *b) {
     loop_result r = closed_path(&b->blob, 0.4f, (palp_contact_limits){24, 6, 2, 8}, 0, 1, 0.8);
-    CHECK((r.flags & PALP_CONTACT_ACTIVE_FULL) != 0, "six active nodes are too few for this path, and that is reported");
+    CHECK((r.flags & PALP_CONTACT_ACTIVE_FULL) != 0,
+          "six active nodes are too few for this path, and that is reported");
     AT_MOST(r.given, 1e-3, "with capacities exceeded: energy given");
     palp_contact c;
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 0.1f, (palp_contact_limits){0, 0, 0, 0}, NULL, 0) == PALP_ERR_LIMITS, "limits of zero are refused");
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, -1, PALP_CONTACT_DEFAULTS, NULL, 0) == PALP_ERR_ARGUMENT, "a negative radius is refused");
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 0.1f, (palp_contact_limits){0, 0, 0, 0},
+                            NULL, 0) == PALP_ERR_LIMITS,
+          "limits of zero are refused");
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, -1, PALP_CONTACT_DEFAULTS, NULL, 0) ==
+              PALP_ERR_ARGUMENT,
+          "a negative radius is refused");
     size_t bytes = palp_contact_memsize(&b->blob, PALP_CONTACT_DEFAULTS);
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 1, PALP_CONTACT_DEFAULTS, allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 1, PALP_CONTACT_DEFAULTS,
+                            allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
           "one byte too few is refused");
 }
 
@@ -175,11 +193,14 @@ static void test_sphere(void) {
         double n[3] = {tap_random(&seed), tap_random(&seed), tap_random(&seed)};
         v_normalize(n);
         palp_vec3 x = {0.1f, 0.2f, 0.3f}, normal = {(float)n[0], (float)n[1], (float)n[2]};
-        palp_vec3 c = {0.1f + 0.3f * (float)tap_random(&seed), 0.2f + 0.3f * (float)tap_random(&seed), 0.3f + 0.3f * (float)tap_random(&seed)};
+        palp_vec3 c = {0.1f + 0.3f * (float)tap_random(&seed),
+                       0.2f + 0.3f * (float)tap_random(&seed),
+                       0.3f + 0.3f * (float)tap_random(&seed)};
         const float h = 1e-2f;
         palp_sphere_contact at = palp_sphere_at(0.25f, c, x, normal);
         if (fabsf(at.offset_m - 0.2f) < 0.03f) continue;
-        float dx = palp_sphere_at(0.25f, palp_add(c, (palp_vec3){h, 0, 0}), x, normal).depth_m - palp_sphere_at(0.25f, palp_sub(c, (palp_vec3){h, 0, 0}), x, normal).depth_m;
+        float dx = palp_sphere_at(0.25f, palp_add(c, (palp_vec3){h, 0, 0}), x, normal).depth_m -
+                   palp_sphere_at(0.25f, palp_sub(c, (palp_vec3){h, 0, 0}), x, normal).depth_m;
         worst = fmax(worst, fabs((double)(-dx / (2 * h) - at.push.x)));
     }
     AT_MOST(worst, 6e-3, "the push is minus the gradient of the depth");

@@ -34,14 +34,16 @@ static mesh torus(uint32_t n) {
     m.x = allocate(m.vertices, sizeof *m.x);
     m.t = allocate(m.triangles, sizeof *m.t);
     for (uint32_t i = 0; i < m.vertices; i++) {
-        double a = 6.283185307179586 * (i % (2 * n)) / (2 * n), b = 6.283185307179586 * (i / (2 * n)) / n;
+        double a = 6.283185307179586 * (i % (2 * n)) / (2 * n),
+               b = 6.283185307179586 * (i / (2 * n)) / n;
         m.x[i][0] = (2 + cos(b)) * cos(a);
         m.x[i][1] = (2 + cos(b)) * sin(a);
         m.x[i][2] = sin(b);
     }
     for (uint32_t i = 0; i < 2 * n * n; i++) {
         uint32_t a = i % (2 * n), b = i / (2 * n), a1 = (a + 1) % (2 * n), b1 = (b + 1) % n;
-        const uint32_t two[2][3] = {{b * 2 * n + a, b * 2 * n + a1, b1 * 2 * n + a1}, {b * 2 * n + a, b1 * 2 * n + a1, b1 * 2 * n + a}};
+        const uint32_t two[2][3] = {{b * 2 * n + a, b * 2 * n + a1, b1 * 2 * n + a1},
+                                    {b * 2 * n + a, b1 * 2 * n + a1, b1 * 2 * n + a}};
         memcpy(m.t + 2 * i, two, sizeof two);
     }
     return m;
@@ -75,11 +77,15 @@ static void test_detection(void) {
 }
 
 static void test_loop(void) {
-    /* Loop's scheme keeps affine images and converges: volumes of successive levels draw together. */
-    mesh m = model_sphere(1), a = subdivide_loop(&m), b = subdivide_loop(&a), c = subdivide_loop(&b);
+    /* Loop's scheme keeps affine images and converges: volumes of successive levels draw together.
+     */
+    mesh m = model_sphere(1), a = subdivide_loop(&m), b = subdivide_loop(&a),
+         c = subdivide_loop(&b);
     double v[4] = {mesh_volume(&m), mesh_volume(&a), mesh_volume(&b), mesh_volume(&c)};
-    CHECK(fabs(v[3] - v[2]) < 0.4 * fabs(v[2] - v[1]), "Loop volumes converge: %.4f %.4f %.4f %.4f", v[0], v[1], v[2], v[3]);
-    CHECK(b.vertices == a.vertices + 3 * a.triangles / 2 && b.triangles == 4 * a.triangles, "counts of one split");
+    CHECK(fabs(v[3] - v[2]) < 0.4 * fabs(v[2] - v[1]), "Loop volumes converge: %.4f %.4f %.4f %.4f",
+          v[0], v[1], v[2], v[3]);
+    CHECK(b.vertices == a.vertices + 3 * a.triangles / 2 && b.triangles == 4 * a.triangles,
+          "counts of one split");
 }
 
 static void test_map(void) {
@@ -113,12 +119,16 @@ static void test_remesh(void) {
     mesh t = torus(40);
     mesh out = remesh(&t, "torus", 3, 0, &r);
     semireg s = semireg_detect(&out);
-    CHECK(s.levels == 4 && out.triangles == 64 * r.base_triangles, "torus: %u base triangles, 4 levels", r.base_triangles);
-    CHECK((int)out.vertices - (int)(3 * out.triangles / 2) + (int)out.triangles == 0, "torus: the genus is kept");
-    CHECK(r.flipped == 0 && r.mean < 0.005 && r.max < 0.04, "torus: mean %.3f %%, max %.3f %%, none flipped", 100 * r.mean, 100 * r.max);
+    CHECK(s.levels == 4 && out.triangles == 64 * r.base_triangles,
+          "torus: %u base triangles, 4 levels", r.base_triangles);
+    CHECK((int)out.vertices - (int)(3 * out.triangles / 2) + (int)out.triangles == 0,
+          "torus: the genus is kept");
+    CHECK(r.flipped == 0 && r.mean < 0.005 && r.max < 0.04,
+          "torus: mean %.3f %%, max %.3f %%, none flipped", 100 * r.mean, 100 * r.max);
     mesh box = model_box(1, 12);
     mesh cube = remesh(&box, "box", 2, 0, &r);
-    CHECK(r.flipped == 0 && r.mean < 0.005 && r.max < 0.04, "box with sharp edges: mean %.3f %%, max %.3f %%", 100 * r.mean, 100 * r.max);
+    CHECK(r.flipped == 0 && r.mean < 0.005 && r.max < 0.04,
+          "box with sharp edges: mean %.3f %%, max %.3f %%", 100 * r.mean, 100 * r.max);
     AT_MOST(fabs(mesh_volume(&cube) - 1), 0.03, "box: volume");
     mesh sphere = model_sphere(3);
     sphere.triangles -= 6; /* a small hole */
@@ -126,7 +136,8 @@ static void test_remesh(void) {
     memset(sphere.x[sphere.vertices], 0, 3 * sizeof *sphere.x);
     sphere.vertices += 3;
     mesh closed = remesh(&sphere, "sphere", 2, 0, &r);
-    CHECK(r.dropped >= 3 && r.filled >= 1, "%u unused vertices dropped, %u hole(s) closed", r.dropped, r.filled);
+    CHECK(r.dropped >= 3 && r.filled >= 1, "%u unused vertices dropped, %u hole(s) closed",
+          r.dropped, r.filled);
     mesh_require_closed(&closed, "closed sphere");
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The capacitance matrix algorithm against a direct re-solve of each boundary value problem with the boundary
- * element matrices, by Gauss elimination written here, in double.
+ * The capacitance matrix algorithm against a direct re-solve of each boundary value problem with
+ * the boundary element matrices, by Gauss elimination written here, in double.
  */
 #include "tests/models.h"
 #include "tests/tap.h"
@@ -13,7 +13,8 @@
 static baked raw;
 static double *h_matrix, *g_matrix;
 
-/* For each scalar of the problem: e . u = value, or e . f = value, with an orthonormal frame e per node. */
+/* For each scalar of the problem: e . u = value, or e . f = value, with an orthonormal frame e per
+ * node. */
 typedef struct {
     double frame[3][3];
     bool displacement[3];
@@ -119,14 +120,16 @@ static void apply_direct(node_condition *c, const given *g) {
     const double v[3] = {(double)g->value.x, (double)g->value.y, (double)g->value.z};
     if (g->condition == PALP_GIVE_NORMAL) turn_to_normal(c, g->node);
     for (int e = 0; e < 3; e++) {
-        bool displaced = g->condition == PALP_GIVE_DISPLACEMENT || (g->condition == PALP_GIVE_NORMAL && e == 0);
+        bool displaced =
+            g->condition == PALP_GIVE_DISPLACEMENT || (g->condition == PALP_GIVE_NORMAL && e == 0);
         double factor = g->condition == PALP_GIVE_TRACTION ? raw.area[g->node] : 1;
         c[g->node].displacement[e] = displaced;
         c[g->node].value[e] = g->condition == PALP_GIVE_NORMAL && e > 0 ? 0 : factor * v[e];
     }
 }
 
-static void compare(const palp_blob *blob, const char *name, const given *g, uint32_t count, double limit) {
+static void compare(const palp_blob *blob, const char *name, const given *g, uint32_t count,
+                    double limit) {
     size_t n = 3 * (size_t)raw.m.vertices;
     palp_cma cma;
     size_t bytes = palp_cma_memsize(blob, 3 * count);
@@ -138,18 +141,22 @@ static void compare(const palp_blob *blob, const char *name, const given *g, uin
     for (uint32_t i = 0; i < count; i++) {
         apply_direct(c, &g[i]);
         palp_status status = palp_cma_give(&cma, g[i].node, g[i].condition, g[i].value);
-        if (status != PALP_OK) CHECK(false, "%s: condition %u: %s", name, i, palp_status_text(status));
+        if (status != PALP_OK)
+            CHECK(false, "%s: condition %u: %s", name, i, palp_status_text(status));
     }
     palp_status status = palp_cma_solve(&cma, u, f);
     direct_solve(c, u_exact, f_exact);
     if (status != PALP_OK) CHECK(false, "%s: %s", name, palp_status_text(status));
-    AT_MOST(difference(u, u_exact, n), limit, "%s: displacements against the direct solution", name);
+    AT_MOST(difference(u, u_exact, n), limit, "%s: displacements against the direct solution",
+            name);
     AT_MOST(difference(f, f_exact, n), limit, "%s: forces against the direct solution", name);
     double exact = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (g[i].condition != PALP_GIVE_DISPLACEMENT) continue;
         const float *x = u + 3 * g[i].node;
-        exact = fmax(exact, fabs((double)(x[0] - g[i].value.x)) + fabs((double)(x[1] - g[i].value.y)) + fabs((double)(x[2] - g[i].value.z)));
+        exact =
+            fmax(exact, fabs((double)(x[0] - g[i].value.x)) + fabs((double)(x[1] - g[i].value.y)) +
+                            fabs((double)(x[2] - g[i].value.z)));
     }
     AT_MOST(exact, 1e-9, "%s: prescribed displacements are met", name);
     free(c);
@@ -172,10 +179,13 @@ static void test_kinds(const palp_blob *blob, const char *kind, double limit) {
     char name[80];
     given one[24];
     uint32_t n = 0;
-    for (; n < 20; n++) one[n] = (given){nth_node(false, n), PALP_GIVE_DISPLACEMENT, {0.01f * (float)n, -0.02f, -0.05f}};
+    for (; n < 20; n++)
+        one[n] =
+            (given){nth_node(false, n), PALP_GIVE_DISPLACEMENT, {0.01f * (float)n, -0.02f, -0.05f}};
     snprintf(name, sizeof name, "%s: 20 prescribed displacements", kind);
     compare(blob, name, one, n, limit);
-    for (n = 0; n < 20; n++) one[n] = (given){nth_node(false, n), PALP_GIVE_NORMAL, {-0.05f - 0.001f * (float)n, 0, 0}};
+    for (n = 0; n < 20; n++)
+        one[n] = (given){nth_node(false, n), PALP_GIVE_NORMAL, {-0.05f - 0.001f * (float)n, 0, 0}};
     snprintf(name, sizeof name, "%s: 20 normal-only constraints", kind);
     compare(blob, name, one, n, limit);
     one[0] = (given){nth_node(false, 3), PALP_GIVE_FORCE, {10, -20, 30}};
@@ -203,15 +213,24 @@ static void test_refusals(void) {
     size_t bytes = palp_cma_memsize(&raw.blob, 4);
     void *memory = allocate_aligned(bytes, 1);
     uint32_t node = nth_node(false, 0), held = nth_node(true, 0);
-    CHECK(palp_cma_init(&cma, &raw.blob, 4, memory, bytes - 1) == PALP_ERR_MEMORY, "one byte too few is refused");
-    CHECK(palp_cma_init(&cma, &raw.blob, 4, (char *)memory + 8, bytes) == PALP_ERR_ALIGNMENT, "misaligned memory is refused");
+    CHECK(palp_cma_init(&cma, &raw.blob, 4, memory, bytes - 1) == PALP_ERR_MEMORY,
+          "one byte too few is refused");
+    CHECK(palp_cma_init(&cma, &raw.blob, 4, (char *)memory + 8, bytes) == PALP_ERR_ALIGNMENT,
+          "misaligned memory is refused");
     CHECK(palp_cma_init(&cma, &raw.blob, 4, memory, bytes) == PALP_OK, "the solver opens");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){NAN, 0, 0}) == PALP_ERR_NOT_FINITE, "NaN is refused");
-    CHECK(palp_cma_give(&cma, 99999, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT, "a node out of range is refused");
-    CHECK(palp_cma_give(&cma, node, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_ARGUMENT, "releasing a free node is refused");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){0}) == PALP_OK, "a displacement is taken");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT, "a second condition is refused");
-    CHECK(palp_cma_give(&cma, held, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_CAPACITY, "an unknown too many is refused");
+    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){NAN, 0, 0}) ==
+              PALP_ERR_NOT_FINITE,
+          "NaN is refused");
+    CHECK(palp_cma_give(&cma, 99999, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+          "a node out of range is refused");
+    CHECK(palp_cma_give(&cma, node, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+          "releasing a free node is refused");
+    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){0}) == PALP_OK,
+          "a displacement is taken");
+    CHECK(palp_cma_give(&cma, node, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+          "a second condition is refused");
+    CHECK(palp_cma_give(&cma, held, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_CAPACITY,
+          "an unknown too many is refused");
     free(memory);
 }
 

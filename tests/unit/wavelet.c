@@ -24,7 +24,8 @@ static void test_round_trip(void) {
     free(y);
 }
 
-/* Each detail of an odd slot with both parents adds a function whose integral, by nodal areas, vanishes. */
+/* Each detail of an odd slot with both parents adds a function whose integral, by nodal areas,
+ * vanishes. */
 static void test_vanishing_moment(void) {
     const palp_domain *d = &sample.blob.domain[PALP_FREE];
     float *x = allocate((size_t)d->slots * PALP_FIELD_LANES, sizeof *x);
@@ -45,13 +46,16 @@ static void test_vanishing_moment(void) {
     free(x);
 }
 
-/* The row of every slot reproduces the full inverse transform; the truncated inverse reproduces its coarse part. */
+/* The row of every slot reproduces the full inverse transform; the truncated inverse reproduces its
+ * coarse part. */
 static void test_rows(void) {
     const palp_domain *d = &sample.blob.domain[PALP_FREE];
     size_t n = (size_t)d->slots * PALP_FIELD_LANES;
     float *detail = allocate(n, sizeof *detail), *full = allocate(n, sizeof *full);
-    palp_row_scratch scratch = {allocate(d->slots, sizeof(float)), allocate((d->slots + 31) / 32, sizeof(uint32_t))};
-    palp_row row = {.index = allocate(d->slots, sizeof(uint16_t)), .weight = allocate(d->slots, sizeof(float))};
+    palp_row_scratch scratch = {allocate(d->slots, sizeof(float)),
+                                allocate((d->slots + 31) / 32, sizeof(uint32_t))};
+    palp_row row = {.index = allocate(d->slots, sizeof(uint16_t)),
+                    .weight = allocate(d->slots, sizeof(float))};
     uint64_t seed = 5;
     double worst = 0;
     bool ascending = true, fits = true;
@@ -63,15 +67,19 @@ static void test_rows(void) {
         for (uint32_t k = 0; k < row.count; k++) {
             ascending = ascending && (k == 0 || row.index[k] > row.index[k - 1]);
             for (uint32_t c = 0; c < 3; c++) {
-                sum[c] += (double)row.weight[k] * (double)detail[PALP_FIELD_LANES * row.index[k] + c];
+                sum[c] +=
+                    (double)row.weight[k] * (double)detail[PALP_FIELD_LANES * row.index[k] + c];
             }
         }
-        for (uint32_t c = 0; c < 3; c++) worst = fmax(worst, fabs(sum[c] - (double)full[PALP_FIELD_LANES * s + c]));
+        for (uint32_t c = 0; c < 3; c++)
+            worst = fmax(worst, fabs(sum[c] - (double)full[PALP_FIELD_LANES * s + c]));
     }
-    AT_MOST(worst, 3e-6, "selective reconstruction of each of %u slots equals the full inverse", d->slots);
+    AT_MOST(worst, 3e-6, "selective reconstruction of each of %u slots equals the full inverse",
+            d->slots);
     CHECK(fits, "every row fits max_row");
     CHECK(ascending, "rows are in ascending order");
-    CHECK(!palp_wavelet_row(d, d->slots - 1, &scratch, &row, 1) && row.count == 0, "a row that does not fit is refused");
+    CHECK(!palp_wavelet_row(d, d->slots - 1, &scratch, &row, 1) && row.count == 0,
+          "a row that does not fit is refused");
     free(detail);
     free(full);
 }
@@ -82,11 +90,13 @@ static void test_extract(const baked *b, const char *name, double limit) {
     const palp_columns *c = &b->blob.columns[PALP_FREE][PALP_FREE];
     size_t n = (size_t)d->slots * PALP_FIELD_LANES;
     float *x = allocate(n, sizeof *x);
-    palp_row_scratch scratch = {allocate(d->slots, sizeof(float)), allocate((d->slots + 31) / 32, sizeof(uint32_t))};
+    palp_row_scratch scratch = {allocate(d->slots, sizeof(float)),
+                                allocate((d->slots + 31) / 32, sizeof(uint32_t))};
     palp_row *rows = allocate(d->slots, sizeof *rows);
     double worst = 0, against_exact = 0, size = 0;
     for (uint32_t s = 0; s < d->slots; s++) {
-        rows[s] = (palp_row){.index = allocate(b->blob.meta->max_row, 2), .weight = allocate(b->blob.meta->max_row, 4)};
+        rows[s] = (palp_row){.index = allocate(b->blob.meta->max_row, 2),
+                             .weight = allocate(b->blob.meta->max_row, 4)};
         (void)palp_wavelet_row(d, s, &scratch, &rows[s], b->blob.meta->max_row);
     }
     for (uint32_t j = 0; j < d->slots; j += 7) {
@@ -108,8 +118,10 @@ static void test_extract(const baked *b, const char *name, double limit) {
             }
         }
     }
-    AT_MOST(worst / size, 1e-6, "%s: extraction equals the inverse transform of whole columns", name);
-    AT_MOST(against_exact / size, limit, "%s: columns against the matrix that was compressed", name);
+    AT_MOST(worst / size, 1e-6, "%s: extraction equals the inverse transform of whole columns",
+            name);
+    AT_MOST(against_exact / size, limit, "%s: columns against the matrix that was compressed",
+            name);
     for (uint32_t s = 0; s < d->slots; s++) {
         free(rows[s].index);
         free(rows[s].weight);
@@ -125,14 +137,17 @@ static void test_field(void) {
     size_t bytes = palp_field_memsize(b);
     palp_load load[12];
     uint64_t seed = 9;
-    CHECK(palp_field_init(&f, b, allocate_aligned(bytes, 1), bytes) == PALP_OK, "the field opens in %zu bytes", bytes);
-    CHECK(palp_field_init(&fresh, b, allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY, "and not in one less");
+    CHECK(palp_field_init(&f, b, allocate_aligned(bytes, 1), bytes) == PALP_OK,
+          "the field opens in %zu bytes", bytes);
+    CHECK(palp_field_init(&fresh, b, allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
+          "and not in one less");
     (void)palp_field_init(&fresh, b, allocate_aligned(bytes, 1), bytes);
     for (int step = 0; step < 300; step++) {
         for (uint32_t i = 0; i < 12; i++) {
             uint32_t slot = (i * 31 + (uint32_t)(step / 3 % 5) * 7) % b->domain[PALP_FREE].slots;
-            load[i] = (palp_load){b->domain[PALP_FREE].node[slot],
-                                  {(float)tap_random(&seed), (float)tap_random(&seed), (float)tap_random(&seed)}};
+            load[i] = (palp_load){
+                b->domain[PALP_FREE].node[slot],
+                {(float)tap_random(&seed), (float)tap_random(&seed), (float)tap_random(&seed)}};
         }
         palp_field_update(&f, load, 12 - (uint32_t)step % 4);
     }
@@ -145,8 +160,10 @@ static void test_field(void) {
         for (uint32_t k = 0; k < 3; k++) {
             double exact = 0;
             for (int i = 0; i < 12; i++) {
-                const double *row = greens_row(&sample.g, b->domain[PALP_FREE].node[s], k) + 3 * load[i].node;
-                exact += row[0] * (double)load[i].force_N.x + row[1] * (double)load[i].force_N.y + row[2] * (double)load[i].force_N.z;
+                const double *row =
+                    greens_row(&sample.g, b->domain[PALP_FREE].node[s], k) + 3 * load[i].node;
+                exact += row[0] * (double)load[i].force_N.x + row[1] * (double)load[i].force_N.y +
+                         row[2] * (double)load[i].force_N.z;
             }
             drift = fmax(drift, fabs((double)(x[4 * s + k] - y[4 * s + k])));
             dense = fmax(dense, fabs(exact - (double)y[4 * s + k]));
@@ -157,15 +174,19 @@ static void test_field(void) {
     AT_MOST(dense / size, 5e-6, "fast summation against the dense matrix at epsilon 0");
     palp_field_pin(&fresh, load[0].node, (palp_vec3){0, 0, 1}, 0.125f);
     uint32_t slot = palp_node_slot(b, load[0].node);
-    AT_MOST(fabs((double)fresh.field[4 * slot + 2] - 0.125), 1e-7, "a pinned node has exactly its value");
-    /* Level of detail: the coarse part of a truncated inverse is what one more forward level leaves. */
+    AT_MOST(fabs((double)fresh.field[4 * slot + 2] - 0.125), 1e-7,
+            "a pinned node has exactly its value");
+    /* Level of detail: the coarse part of a truncated inverse is what one more forward level
+     * leaves. */
     float *coarse = allocate(4 * (size_t)b->domain[PALP_FREE].slots, sizeof *coarse);
     uint32_t l = b->meta->levels - 2;
-    memcpy(coarse, palp_field_reconstruct(&fresh, l), 4 * b->domain[PALP_FREE].level_start[l + 1] * sizeof *coarse);
+    memcpy(coarse, palp_field_reconstruct(&fresh, l),
+           4 * b->domain[PALP_FREE].level_start[l + 1] * sizeof *coarse);
     const float *fine = palp_field_reconstruct(&fresh, l + 1);
     double away = 0;
     for (uint32_t s = 0; s < b->domain[PALP_FREE].level_start[l + 1]; s++) {
-        for (uint32_t k = 0; k < 3; k++) away = fmax(away, fabs((double)(coarse[4 * s + k] - fine[4 * s + k])));
+        for (uint32_t k = 0; k < 3; k++)
+            away = fmax(away, fabs((double)(coarse[4 * s + k] - fine[4 * s + k])));
     }
     AT_MOST(away / size, 0.2, "a coarser level of detail is near the finest at its nodes");
 }
@@ -182,7 +203,8 @@ int main(void) {
     test_extract(&thin, "epsilon 0.05, f32", 0.05);
     AT_MOST((double)thin.blob.meta->rms_error, 0.02, "RMS error (MR 70) at epsilon 0.05");
     double nodes = thin.blob.meta->domain_nodes[PALP_FREE];
-    CHECK(nodes * nodes / (double)thin.blob.meta->free_blocks > 6.5, "compression %.2f at epsilon 0.05, at least 6.5 on 537 nodes",
+    CHECK(nodes * nodes / (double)thin.blob.meta->free_blocks > 6.5,
+          "compression %.2f at epsilon 0.05, at least 6.5 on 537 nodes",
           nodes * nodes / (double)thin.blob.meta->free_blocks);
     baked half = model_bake(model_sphere(3), -0.7, 0, false, true);
     test_extract(&half, "epsilon 0, f16", 2e-3);
