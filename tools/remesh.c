@@ -195,7 +195,7 @@ static void unfold(const fit *f, const bool *bad) {
 
 /* Relaxes around flipped and needle triangles, base vertices included, in growing neighbourhoods.
  */
-static void repair(const fit *f) {
+static void repair(const fit *f, double smallest_angle_deg) {
     const mesh *m = f->m;
     bool *bad = allocate(m->triangles, sizeof *bad);
     bool *move = allocate(m->vertices, sizeof *move);
@@ -203,7 +203,7 @@ static void repair(const fit *f) {
     uint32_t fewest = UINT32_MAX;
     for (int step = 0; step < REPAIR_STEPS; step++) {
         uint32_t count = 0;
-        (void)find_bad(m, BAD_ANGLE_DEG, bad);
+        (void)find_bad(m, smallest_angle_deg, bad);
         memset(move, 0, m->vertices * sizeof *move);
         for (uint32_t i = 0; i < m->triangles; i++) {
             for (int k = 0; k < 3 && bad[i]; k++) move[m->t[i][k]] = true;
@@ -260,7 +260,7 @@ static surface_point *refined_points(const mesh *base, uint32_t levels, mesh *re
 /* Every vertex through the one-to-one map, then evened out along the surface; base vertices stay.
  */
 static mesh draw_levels(const simplified *s, const mesh *original, const bvh *surface,
-                        uint32_t levels) {
+                        uint32_t levels, int relax_steps) {
     mesh m;
     surface_point *point = refined_points(&s->base, levels, &m);
     simplified_map(s, point, m.vertices);
@@ -277,14 +277,48 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *su
     mesh_rings(&m, &f.offset, &f.ring);
     f.pinned = allocate(m.vertices, sizeof *f.pinned);
     for (uint32_t v = 0; v < s->base.vertices; v++) f.pinned[v] = true;
-    for (int step = 0; step < RELAX_STEPS; step++) relax_all(&f);
-    reach_features(&f, original);
-    repair(&f);
+    for (int step = 0; step < relax_steps; step++) relax_all(&f);
+    if (relax_steps > 0) reach_features(&f, original);
+    repair(&f, relax_steps > 0 ? BAD_ANGLE_DEG : 0);
     free(f.pinned);
     free(f.offset);
     free(f.ring);
     free(f.facing);
     return m;
+}
+
+/* Halves the longest edge, and the two triangles beside it, until there are `triangles`. */
+static mesh split_longest(const mesh *m, uint32_t triangles) {
+    mesh r = {.vertices = m->vertices, .triangles = m->triangles};
+    r.x = allocate(m->vertices + triangles, sizeof *r.x);
+    r.t = allocate(m->triangles + triangles + 2, sizeof *r.t);
+    memcpy(r.x, m->x, m->vertices * sizeof *r.x);
+    memcpy(r.t, m->t, m->triangles * sizeof *r.t);
+    while (r.triangles < triangles) {
+        uint32_t a = 0, b = 0;
+        for (uint32_t i = 0; i < r.triangles; i++) {
+            for (int k = 0; k < 3; k++) {
+                uint32_t p = r.t[i][k], q = r.t[i][(k + 1) % 3];
+                bool longer = v_distance(r.x[p], r.x[q]) > v_distance(r.x[a], r.x[b]) * (1 + 1e-12);
+                if (!longer) continue;
+                a = p;
+                b = q;
+            }
+        }
+        for (int k = 0; k < 3; k++) r.x[r.vertices][k] = 0.5 * (r.x[a][k] + r.x[b][k]);
+        for (uint32_t i = 0, old = r.triangles; i < old; i++) {
+            for (int k = 0; k < 3; k++) {
+                uint32_t p = r.t[i][k], q = r.t[i][(k + 1) % 3];
+                if (!((p == a && q == b) || (p == b && q == a))) continue;
+                memcpy(r.t[r.triangles], r.t[i], sizeof r.t[i]);
+                r.t[i][(k + 1) % 3] = r.vertices;
+                r.t[r.triangles++][k] = r.vertices;
+                break;
+            }
+        }
+        r.vertices++;
+    }
+    return r;
 }
 
 /* ---- checks ---- */
@@ -376,40 +410,44 @@ static bool good_enough(const remesh_report *r) {
            r->smallest_angle_deg > 2;
 }
 
+static bool better(const remesh_report *a, const remesh_report *b) {
+    if (a->flipped != b->flipped) return a->flipped < b->flipped;
+    return a->max + 8 * a->mean < b->max + 8 * b->mean;
+}
+
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
             remesh_report *report) {
     static const uint32_t ladder[] = {64, 80, 96, 128, 160, 220, 300, 420};
     size_t tries = base_triangles > 0 ? 1 : sizeof ladder / sizeof ladder[0];
-    remesh_report r = {0}, best_report = {.max = HUGE_VAL};
+    remesh_report r = {0}, best_report = {.flipped = UINT32_MAX, .max = HUGE_VAL};
     mesh best = {0};
     uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
     r.filled = mesh_fill_holes(in, HOLE_LIMIT);
     mesh_require_closed(in, path);
     bvh *surface = bvh_build(in);
-    for (size_t i = 0; i < tries; i++) {
-        simplified s = simplify(in, base_triangles > 0 ? base_triangles : ladder[i]);
+    for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
+        uint32_t target = base_triangles > 0 ? base_triangles : ladder[i];
+        mesh dense = split_longest(in, target);
+        simplified s = simplify(&dense, target);
         uint32_t crossing = self_intersection(&s.base);
-        if (crossing != UINT32_MAX) {
-            cut = crossing;
-            simplified_free(&s);
-            continue;
-        }
+        if (crossing != UINT32_MAX) cut = crossing;
         r.base_triangles = s.base.triangles;
-        mesh m = draw_levels(&s, in, surface, levels);
-        simplified_free(&s);
-        measure(&m, in, surface, &r);
-        bool better = r.flipped < best_report.flipped ||
-                      (r.flipped == best_report.flipped &&
-                       r.max + 8 * r.mean < best_report.max + 8 * best_report.mean);
-        if (best.x == NULL || better) {
-            mesh_free(&best);
-            best = m;
-            best_report = r;
-        } else {
-            mesh_free(&m);
+        /* Evened out first; as the map gave it where that rounds off sharp edges. */
+        for (int relaxed = 1; relaxed >= 0 && crossing == UINT32_MAX && !good_enough(&best_report);
+             relaxed--) {
+            mesh m = draw_levels(&s, &dense, surface, levels, relaxed * RELAX_STEPS);
+            measure(&m, in, surface, &r);
+            if (best.x == NULL || better(&r, &best_report)) {
+                mesh_free(&best);
+                best = m;
+                best_report = r;
+            } else {
+                mesh_free(&m);
+            }
         }
-        if (good_enough(&r)) break;
+        simplified_free(&s);
+        mesh_free(&dense);
     }
     bvh_free(surface);
     if (best.x == NULL) {
