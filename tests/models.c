@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "models.h"
+#include "tools/soften.h"
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -84,7 +85,7 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
     mesh_nodal(&b.m, b.area, b.normal);
     semireg s = semireg_detect(&b.m);
     b.g = greens_from_bem(&b.m, b.fixed, &b.material, 1000);
-    greens_reciprocity(&b.g, !raw);
+    greens_reciprocity(&b.g, &b.m, !raw);
     static domain_data domain[PALP_DOMAINS];
     static columns_data columns[PALP_DOMAINS][PALP_DOMAINS];
     blob_content content = {.m = &b.m, .fixed = b.fixed, .area = b.area, .normal = b.normal};
@@ -110,6 +111,12 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
                                .max_error = (float)columns[0][0].max};
     b.bytes = blob_serialize(&content, &b.size);
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
+    if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
+    float *softening = allocate(m.vertices, sizeof *softening);
+    b.softened = soften(&b.blob, softening).largest;
+    content.softening = softening;
+    b.bytes = blob_serialize(&content, &b.size);
+    status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
     return b;
 }

@@ -5,6 +5,7 @@
 #include "parallel.h"
 #include "remesh.h"
 #include "sha256.h"
+#include "soften.h"
 #include "util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -296,7 +297,7 @@ static mesh prepare_mesh(const bake_spec *s) {
         die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels",
             s->mesh_path, m.vertices, PALP_MAX_NODES);
     }
-    double need = 2 * 72.0 * m.vertices * m.vertices * 1.05;
+    double need = 3 * 72.0 * m.vertices * m.vertices * 1.05;
     double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
     if (need > have) {
         die(EXIT_WORK,
@@ -323,6 +324,25 @@ static void stiffness_range(const greens *g, double (*normal)[3], palp_meta *met
     meta->stiffness_max_N_per_m = (float)high;
 }
 
+/* The blob without softening is opened to measure how much it needs, then written again with it. */
+static uint8_t *serialize_softened(blob_content *content, size_t *bytes) {
+    palp_blob opened;
+    uint8_t *blob = blob_serialize(content, bytes);
+    palp_status status = palp_blob_open(&opened, blob, *bytes);
+    if (status != PALP_OK) {
+        die(EXIT_WORK, "the finished blob does not open: %s (are the units metres and pascals?)",
+            palp_status_text(status));
+    }
+    float *softening = allocate(content->m->vertices, sizeof *softening);
+    soften_report r = soften(&opened, softening);
+    if (!(r.mu > 0)) return blob;
+    fprintf(stderr, "contact softened by up to %.2g of a node's own compliance: thin parts, epsilon %g\n", r.largest,
+            (double)content->meta.epsilon);
+    free(blob);
+    content->softening = softening;
+    return blob_serialize(content, bytes);
+}
+
 static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *fixed) {
     if (s->compliance != NULL) return greens_from_npy(s->compliance, m, fixed);
     bem_material material = {
@@ -330,23 +350,23 @@ static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *f
     return greens_from_bem(m, fixed, &material, s->density);
 }
 
-static void report(const palp_meta *m, size_t bytes, double seconds) {
+static void report(FILE *f, const palp_meta *m, size_t bytes, double seconds) {
     double free_nodes = m->domain_nodes[PALP_FREE];
-    printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
+    fprintf(f, "nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
            " level(s)\n",
            m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->levels);
-    printf("reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
+    fprintf(f, "reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
            (m->flags & PALP_META_SYMMETRIC) != 0 ? ", enforced" : ", kept (raw)");
     if ((m->flags & PALP_META_REACTIONS) != 0) {
-        printf("equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
+        fprintf(f, "equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     }
-    printf("compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
+    fprintf(f, "compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
            free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon,
            (double)m->rms_error, (double)m->max_error);
-    printf("node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
+    fprintf(f, "node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
            (double)m->stiffness_max_N_per_m);
-    printf("blob                  %zu bytes\n", bytes);
-    printf("time                  %.1f s on %" PRIu32 " thread(s)\n", seconds, thread_count());
+    fprintf(f, "blob                  %zu bytes\n", bytes);
+    fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s)\n", seconds, thread_count());
 }
 
 int command_bake(int argc, char **argv) {
@@ -363,7 +383,7 @@ int command_bake(int argc, char **argv) {
     mesh_nodal(&m, area, normal);
     semireg levels = semireg_detect(&m);
     greens g = compute_greens(&s, &m, fixed);
-    greens_reciprocity(&g, !s.raw);
+    greens_reciprocity(&g, &m, !s.raw);
 
     blob_content content = {.m = &m, .fixed = fixed, .area = area, .normal = normal};
     domain_data domain[PALP_DOMAINS];
@@ -400,13 +420,9 @@ int command_bake(int argc, char **argv) {
     char *file = read_file(s.mesh_path, &bytes);
     sha256(file, bytes, content.meta.mesh_sha256);
     free(file);
-    uint8_t *blob = blob_serialize(&content, &bytes);
-    palp_blob check;
-    palp_status status = palp_blob_open(&check, blob, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "the finished blob does not open: %s", palp_status_text(status));
+    uint8_t *blob = serialize_softened(&content, &bytes);
     if (fwrite(blob, 1, bytes, out.file) != bytes) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
-    report(&content.meta, bytes, now_s() - start);
+    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &content.meta, bytes, now_s() - start);
     return EXIT_SUCCESS;
 }

@@ -174,6 +174,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     add(&l, PALP_SEC_REST, rest, m->vertices, 12);
     add(&l, PALP_SEC_NORMAL, normal, m->vertices, 12);
     add(&l, PALP_SEC_AREA, area, m->vertices, 4);
+    float *none = allocate(m->vertices, sizeof *none);
+    add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
     add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);
     add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
     add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);
@@ -187,7 +189,7 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
         if (columns != NULL) add_columns(&l, block, columns);
     }
     uint8_t *blob = lay_out(&l, bytes);
-    void *temporary[] = {ring_offset, ring, cell_offset, cell_node, slot, rest, normal, area};
+    void *temporary[] = {ring_offset, ring, cell_offset, cell_node, slot, none, rest, normal, area};
     for (size_t i = 0; i < sizeof temporary / sizeof temporary[0]; i++) free(temporary[i]);
     return blob;
 }

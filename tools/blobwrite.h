@@ -11,6 +11,7 @@ typedef struct {
     const uint8_t *fixed;
     const double *area;
     double (*normal)[3];
+    const float *softening; /* [nodes]; NULL: none */
     palp_meta meta; /* material, options, errors; counts and grid are filled in here */
     const domain_data *domain[PALP_DOMAINS];
     const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */

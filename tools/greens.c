@@ -332,7 +332,83 @@ static void enforce_definiteness(greens *g) {
     free(node);
 }
 
-void greens_reciprocity(greens *g, bool enforce) {
+/* Rigid mode `mode` (three translations, three rotations about the origin) at x. */
+static void rigid_mode(const double x[3], size_t mode, double u[3]) {
+    double axis[3] = {0};
+    memset(u, 0, 3 * sizeof *u);
+    if (mode < 3) {
+        u[mode] = 1;
+        return;
+    }
+    axis[mode - 3] = 1;
+    v_cross(axis, x, u);
+}
+
+/* (R_U^T R_U)^-1 R_U^T as w[6][3 nodes], zero at free nodes. */
+static double *rigid_weights(const greens *g, const mesh *m) {
+    double gram[36] = {0};
+    uint32_t perm[6];
+    double *w = allocate(18 * (size_t)g->nodes, sizeof *w);
+    for (size_t i = 0; i < g->nodes; i++) {
+        for (size_t k = 0; k < 36 && g->fixed[i] != 0; k++) {
+            double a[3], b[3];
+            rigid_mode(m->x[i], k / 6, a);
+            rigid_mode(m->x[i], k % 6, b);
+            gram[k] += v_dot(a, b);
+            if (k % 6 == 0) memcpy(w + (k / 6 * g->nodes + i) * 3, a, sizeof a);
+        }
+    }
+    if (dense_lu(gram, 6, 6, perm) < 6) die(EXIT_WORK, "the fixed nodes lie on one line");
+    dense_lu_solve(gram, 6, 6, perm, w, 3 * (size_t)g->nodes, 3 * (size_t)g->nodes);
+    return w;
+}
+
+/*
+ * Averaging leaves rigid motions of the fixed nodes slightly wrong. The smallest change of each row that makes them
+ * exact, u_F = R_F for u_U = R_U and f_U = 0, is added; with the skew blocks it makes the reactions of
+ * every load balance it in force and moment.
+ */
+static void restore_rigid_motion(const greens *g, const mesh *m) {
+    double *w = rigid_weights(g, m);
+    for (int side = 0; side < 2; side++) { /* rows of G_FU and K_UU, then the columns of K_UU */
+        for (size_t row = 0; row < 3 * (size_t)g->nodes; row++) {
+            bool free_row = g->fixed[row / 3] == 0;
+            if (side == 1 && free_row) continue;
+            for (size_t mode = 0; mode < 6; mode++) {
+                double missing = 0, u[3];
+                rigid_mode(m->x[row / 3], mode, u);
+                if (free_row) missing = u[row % 3];
+                for (size_t j = 0; j < g->nodes; j++) {
+                    if (g->fixed[j] == 0) continue;
+                    rigid_mode(m->x[j], mode, u);
+                    for (size_t k = 0; k < 3; k++) {
+                        double *entry = side == 0 ? &greens_row(g, row / 3, row % 3)[3 * j + k]
+                                                  : &greens_row(g, j, k)[row];
+                        missing -= *entry * u[k];
+                    }
+                }
+                for (size_t j = 0; j < g->nodes; j++) {
+                    for (size_t k = 0; k < 3 && g->fixed[j] != 0; k++) {
+                        double *entry = side == 0 ? &greens_row(g, row / 3, row % 3)[3 * j + k]
+                                                  : &greens_row(g, j, k)[row];
+                        *entry += missing * w[(mode * g->nodes + j) * 3 + k];
+                    }
+                }
+            }
+        }
+    }
+    for (size_t i = 0; i < g->nodes; i++) {
+        for (size_t j = 0; j < g->nodes; j++) {
+            if (g->fixed[i] == 0 || g->fixed[j] != 0) continue;
+            for (size_t k = 0; k < 9; k++) {
+                greens_row(g, i, k / 3)[3 * j + k % 3] = -greens_row(g, j, k % 3)[3 * i + k / 3];
+            }
+        }
+    }
+    free(w);
+}
+
+void greens_reciprocity(greens *g, const mesh *m, bool enforce) {
     g->reciprocity_residual = asymmetry(g);
     if (!enforce) return;
     for (size_t i = 0; i < g->nodes; i++) {
@@ -341,4 +417,7 @@ void greens_reciprocity(greens *g, bool enforce) {
         }
     }
     enforce_definiteness(g);
+    if (!g->reactions) return;
+    restore_rigid_motion(g, m);
+    g->equilibrium_residual = equilibrium_residual(g);
 }

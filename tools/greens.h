@@ -40,7 +40,7 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed);
  * GREENS_CHANGE_MAX.
  */
 #define GREENS_CHANGE_MAX 0.01
-void greens_reciprocity(greens *g, bool enforce);
+void greens_reciprocity(greens *g, const mesh *m, bool enforce);
 
 static inline double *greens_row(const greens *g, size_t node, size_t axis) {
     return g->m + (3 * node + axis) * g->width;

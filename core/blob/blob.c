@@ -159,6 +159,8 @@ static void check_meta(reader *r, const palp_meta *m) {
     require(r, m->levels >= 1u && m->levels <= PALP_MAX_LEVELS);
     require(r, m->domain_nodes[PALP_FREE] >= 1u && m->domain_nodes[PALP_FREE] < m->nodes);
     require(r, m->domain_nodes[PALP_FIXED] == m->nodes - m->domain_nodes[PALP_FREE]);
+    require(r, m->max_groups <= m->domain_nodes[PALP_FREE] / PALP_LANES + 1u);
+    require(r, (m->flags & PALP_META_FIXED_COLUMNS) == 0u || (m->flags & PALP_META_REACTIONS) != 0u);
     require(r, m->max_ring >= 3u && m->max_ring < m->nodes);
     require(r, m->max_row >= 1u && m->max_row <= m->nodes);
     for (int axis = 0; axis < 3; axis++) require(r, m->cells[axis] >= 1u && m->cells[axis] <= 256u);
@@ -192,6 +194,7 @@ static void read_mesh(reader *r, palp_blob *b) {
     b->rest_m = floats(r, PALP_SEC_REST, m->nodes, 3);
     b->normal = floats(r, PALP_SEC_NORMAL, m->nodes, 3);
     b->area_m2 = floats(r, PALP_SEC_AREA, m->nodes, 1);
+    b->softening = floats(r, PALP_SEC_SOFTENING, m->nodes, 1);
     b->triangle = indices(r, PALP_SEC_TRIANGLE, m->triangles, 3, m->nodes);
     b->ring_offset = offsets(r, PALP_SEC_RING_OFFSET, m->nodes, m->max_ring);
     b->cell_offset = offsets(r, PALP_SEC_CELL_OFFSET, cells, m->nodes);
@@ -199,8 +202,12 @@ static void read_mesh(reader *r, palp_blob *b) {
     b->ring = indices(r, PALP_SEC_RING, b->ring_offset[m->nodes], 1, m->nodes);
     b->cell_node = indices(r, PALP_SEC_CELL_NODE, m->nodes, 1, m->nodes);
     require(r, b->cell_offset[cells] == m->nodes);
-    for (uint32_t i = 0; i < m->nodes && r->status == PALP_OK; i++)
-        require(r, b->area_m2[i] > 0.0f);
+    for (uint32_t i = 0; i < m->nodes && r->status == PALP_OK; i++) {
+        palp_vec3 n = palp_vec3_at(b->normal + 3u * i);
+        float length2 = palp_dot(n, n);
+        require(r, length2 > 0.98f && length2 < 1.02f);
+        require(r, b->area_m2[i] > 0.0f && b->softening[i] >= 0.0f);
+    }
 }
 
 static void read_slots(reader *r, palp_blob *b) {

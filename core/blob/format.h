@@ -59,6 +59,7 @@ typedef enum {
     PALP_SEC_RING = 8,          /* u32[] neighbours of each node */
     PALP_SEC_CELL_OFFSET = 9,   /* u32[cells + 1] search grid */
     PALP_SEC_CELL_NODE = 10,    /* u32[nodes] nodes sorted by cell */
+    PALP_SEC_SOFTENING = 11,    /* f32[nodes] added to each node's own normal compliance, m/N */
     PALP_SEC_NODE = 16,         /* + domain: u32[slots] node of each slot, coarse to fine */
     PALP_SEC_LEVEL_START = 20,  /* + domain: u32[levels + 1] first slot of each level */
     PALP_SEC_PARENT = 24,       /* + domain: u32[slots][2] */

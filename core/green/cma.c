@@ -143,7 +143,7 @@ palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition
     if (!palp_vec3_is_finite(value)) return PALP_ERR_NOT_FINITE;
     if (fixed && !palp_blob_has(cma->blob, PALP_META_FIXED_COLUMNS)) return PALP_ERR_ABSENT;
     if (cma->capacity - cma->count < unknowns_of(fixed, condition)) return PALP_ERR_CAPACITY;
-    cma->state[node] = 1;
+    cma->state[node] = (uint8_t)(1u + (uint32_t)condition);
     if (fixed) {
         give_fixed(cma, node, condition, value);
     } else {
@@ -200,7 +200,7 @@ static float row_factor(const palp_cma *c, uint32_t node) {
 }
 
 /* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
-static void assemble_row(palp_cma *c, uint32_t k) {
+static palp_status assemble_row(palp_cma *c, uint32_t k) {
     const palp_blob *b = c->blob;
     const palp_switch *s = &c->switches[k];
     uint32_t d = domain_of(b, s->node);
@@ -225,6 +225,7 @@ static void assemble_row(palp_cma *c, uint32_t k) {
         c->capacitance[(size_t)k * c->count + l] =
             factor * contract(s->direction, block, t->direction);
     }
+    return PALP_OK;
 }
 
 /* Betti: same-domain pairs are symmetric, force against displacement pairs are skew. */
@@ -330,10 +331,47 @@ static void set_exact(const palp_cma *c, float *u_m, float *f_N) {
     }
 }
 
+/* Whether node i has a prescribed displacement: fixed and left so, or given one. */
+static bool node_is_held(const palp_cma *c, uint32_t i) {
+    if (c->state[i] == 0u) return palp_node_is_fixed(c->blob, i);
+    return c->state[i] == 1u + (uint32_t)PALP_GIVE_DISPLACEMENT;
+}
+
+/*
+ * Rounding and thresholding hide that a body is loose, so this is looked at: with a fixed node released and no
+ * normal constraint about, the held nodes must not lie on one line.
+ */
+static bool is_held(const palp_cma *c) {
+    const palp_meta *m = c->blob->meta;
+    bool released = false;
+    for (uint32_t i = 0; i < m->nodes; i++) {
+        if (c->state[i] == 1u + (uint32_t)PALP_GIVE_NORMAL) return true;
+        released = released || (palp_node_is_fixed(c->blob, i) && !node_is_held(c, i));
+    }
+    if (!released) return true;
+    palp_vec3 size = palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m));
+    palp_vec3 first = {0}, span = {0};
+    bool any = false;
+    float off = 0.0f;
+    for (uint32_t pass = 0; pass < 2u; pass++) {
+        for (uint32_t i = 0; i < m->nodes; i++) {
+            if (!node_is_held(c, i)) continue;
+            palp_vec3 x = palp_vec3_at(c->blob->rest_m + 3u * i);
+            if (!any) first = x;
+            any = true;
+            palp_vec3 d = palp_sub(x, first);
+            if (pass == 0u && palp_dot(d, d) > palp_dot(span, span)) span = d;
+            if (pass == 1u) off = palp_max(off, palp_norm(palp_cross(span, d)));
+        }
+    }
+    return off > 1e-5f * palp_norm(span) * palp_norm(size);
+}
+
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N) {
     sum_columns(cma);
-    for (uint32_t k = 0; k < cma->count; k++) assemble_row(cma, k);
-    palp_status status = solve_capacitance(cma);
+    palp_status status = is_held(cma) ? PALP_OK : PALP_ERR_SINGULAR;
+    for (uint32_t k = 0; k < cma->count && status == PALP_OK; k++) status = assemble_row(cma, k);
+    if (status == PALP_OK) status = solve_capacitance(cma);
     if (status != PALP_OK) return status;
     for (uint32_t k = 0; k < cma->count; k++) {
         const palp_switch *s = &cma->switches[k];

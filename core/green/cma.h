@@ -53,7 +53,7 @@ typedef struct {
     uint32_t *perm;                           /* [capacity] */
     float *detail[PALP_DOMAINS];              /* [slots][4] */
     float *given;   /* [nodes][3] what the column of each node is multiplied with */
-    uint8_t *state; /* [nodes] conditions already given */
+    uint8_t *state; /* [nodes] 1 + condition given, 0 for none */
     palp_vec3 gravity_m_s2;
     palp_row row;
     palp_row_scratch scratch[PALP_DOMAINS];
@@ -84,7 +84,8 @@ palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
 
 /*
  * Solves; u_m and f_N are float[nodes][3]: displacement, and the force that the surroundings apply.
- * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR.
+ * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR (also when
+ * what is left displaced or fixed lies on one line), RANGE.
  * Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
  */
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);

@@ -195,6 +195,32 @@ static float violation(const palp_contact *c, uint32_t i) {
     return c->candidate[i].at.depth_m - indentation(c, i);
 }
 
+static palp_vec3 force_on_tool(const palp_contact *c) {
+    palp_vec3 force = {0};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_candidate *k = &c->candidate[c->active[a]];
+        force = palp_madd(force, k->force_N, k->at.push);
+    }
+    return force;
+}
+
+/*
+ * Backing out shrinks the relief of idle nodes: what the tool of the last solve, where its grip let it rest, still
+ * asked of them, with the forces of that solve.
+ */
+static void shrink_relief(palp_contact *c) {
+    palp_vec3 moved = {0};
+    if (c->stiffness_N_per_m > 0.0f) {
+        moved = palp_scale(1.0f / c->stiffness_N_per_m, force_on_tool(c));
+    }
+    for (uint32_t i = 0; i < c->count; i++) {
+        palp_candidate *k = &c->candidate[i];
+        if (!(k->relief_m > 0.0f) || is_active(c, i)) continue;
+        float missing = k->target_m - palp_dot(k->at.push, moved) - indentation(c, i);
+        if (missing < 0.0f) k->relief_m = palp_max(k->relief_m + missing, 0.0f);
+    }
+}
+
 static void drop_idle(palp_contact *c, palp_vec3 center) {
     for (uint32_t i = c->count; i-- > 0u;) {
         palp_candidate *k = &c->candidate[i];
@@ -202,7 +228,6 @@ static void drop_idle(palp_contact *c, palp_vec3 center) {
         bool near = k->at.depth_m > -2.0f * c->margin_m &&
                     k->at.offset_m < 1.25f * PALP_SPHERE_REACH * c->radius_m;
         if (is_active(c, i)) continue;
-        if (k->relief_m > 0.0f) k->relief_m = palp_clamp(violation(c, i), 0.0f, k->relief_m);
         if (!near) drop(c, i);
     }
 }
@@ -213,6 +238,7 @@ uint32_t palp_contact_search(palp_contact *contact, palp_vec3 center, uint32_t *
     contact->flags = 0;
     contact->pivots = 0;
     contact->center = center;
+    shrink_relief(contact);
     drop_idle(contact, center);
     if (contact->active_count == 0u) {
         find_nearest(contact, center);
@@ -255,7 +281,7 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
     c->place[node] = (uint16_t)(i + 1u);
     (void)palp_wavelet_row(&c->blob->domain[PALP_FREE], palp_node_slot(c->blob, node), &c->scratch,
                            &c->row[i], c->blob->meta->max_row);
-    c->compliance[i * stride + i] = normal_compliance(c, i, i);
+    c->compliance[i * stride + i] = normal_compliance(c, i, i) + c->blob->softening[node];
     for (uint32_t k = 0; k < i; k++) {
         float g = 0.5f * (normal_compliance(c, i, k) + normal_compliance(c, k, i));
         c->compliance[i * stride + k] = g;
@@ -265,6 +291,7 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
     c->candidate[i].at =
         palp_sphere_at(c->radius_m, c->center, c->candidate[i].x, c->candidate[i].n);
     c->candidate[i].relief_m = palp_max(violation(c, i), 0.0f);
+    c->candidate[i].target_m = c->candidate[i].at.depth_m - c->candidate[i].relief_m;
 }
 
 /* ---- active set ---- */
@@ -299,15 +326,6 @@ static void refactor(palp_contact *c) {
         if (!let_in(c, candidate)) c->candidate[candidate].force_N = 0.0f;
     }
     c->changes = 0;
-}
-
-static palp_vec3 force_on_tool(const palp_contact *c) {
-    palp_vec3 force = {0};
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        const palp_candidate *k = &c->candidate[c->active[a]];
-        force = palp_madd(force, k->force_N, k->at.push);
-    }
-    return force;
 }
 
 /* t -= Y (k I + Y^T Y)^-1 Y^T t with Y = R^-T J: what the spring's give takes from the forward
@@ -376,7 +394,7 @@ static uint32_t most_violated(const palp_contact *c, float stiffness_N_per_m) {
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
         float wanted = k->target_m - palp_dot(k->at.push, moved);
-        if (wanted <= worst || k->blocked == c->solves || is_active(c, i)) continue;
+        if (k->blocked == c->solves || is_active(c, i)) continue;
         float missing = wanted - indentation(c, i);
         if (missing <= worst) continue;
         worst = missing;
@@ -408,6 +426,7 @@ palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip g
     palp_contact *c = contact;
     palp_vec3 off = palp_sub(grip.held_m, about);
     c->solves++;
+    c->stiffness_N_per_m = grip.stiffness_N_per_m;
     refactor(c);
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];

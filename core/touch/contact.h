@@ -6,6 +6,7 @@
  *
  *     g_ij = n_i^T (G_ij + G_ji^T) n_j / 2                        (selective reconstruction, MR 39)
  *
+ * plus the blob's softening on the diagonal, which keeps them positive definite after thresholding,
  * cached, so that the symmetric positive definite capacitance matrix costs nothing while the tool
  * stays in place. Contact forces lambda >= 0 solve the complementarity problem
  *
@@ -72,6 +73,7 @@ typedef struct {
     uint32_t pivots;  /* of the last tick */
     palp_vec3 axis;   /* outward direction of the contact */
     palp_vec3 center; /* of the last search */
+    float stiffness_N_per_m; /* of the last grip */
 } palp_contact;
 
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);

@@ -32,9 +32,8 @@ palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *c
     float energy =
         palp_contact_energy(contact) + 0.5f / c->stiffness_N_per_m * palp_dot(force, force);
     if (c->placed && contact->active_count > 0u) {
-        palp_vec3 tool_velocity = palp_scale(1.0f / dt_s, palp_sub(tool, c->tool_m));
-        palp_vec3 device_velocity = palp_scale(1.0f / dt_s, palp_sub(device_m, c->device_m));
-        force = palp_madd(force, c->damping_Ns_per_m, palp_sub(tool_velocity, device_velocity));
+        palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device_m, c->device_m));
+        force = palp_madd(force, -c->damping_Ns_per_m, velocity);
     }
     c->tool_m = tool;
     c->device_m = device_m;
