@@ -166,6 +166,51 @@ static void test_loops(double epsilon) {
     }
 }
 
+/* Straight in and out at many places of the rabbit, ears included: the worst net energy given. */
+static void test_pushes(double epsilon, const char *control, uint32_t splits, uint32_t every) {
+    mesh m = mesh_load(control);
+    for (uint32_t l = 0; l < splits; l++) {
+        mesh finer = subdivide_loop(&m);
+        mesh_free(&m);
+        m = finer;
+    }
+    baked b = model_bake(m, 0.004, epsilon, false, false);
+    float edge = b.blob.meta->mean_edge_m;
+    for (float size = 2; size <= 4; size += 2) {
+        double worst = 0;
+        uint32_t where = 0, pushes = 0;
+        for (uint32_t node = 0; node < b.m.vertices; node += every) {
+            if (b.fixed[node] != 0) continue;
+            palp_contact c = open_contact(&b.blob, size * edge, PALP_CONTACT_DEFAULTS);
+            palp_vec3 x = palp_vec3_at(b.blob.rest_m + 3 * node),
+                      n = palp_vec3_at(b.blob.normal + 3 * node);
+            palp_vec3 last_f = {0}, last_p = {0};
+            double absorbed = 0, stored = 0;
+            const int steps = 1500;
+            for (int i = 0; i <= 2 * steps; i++) {
+                float in = (float)(i <= steps ? i : 2 * steps - i) / (float)steps;
+                palp_vec3 p = palp_madd(x, size * edge * (1.4f - 1.2f * in), n);
+                palp_vec3 f = place(&c, p, (palp_grip){.held_m = p});
+                if (i > 0)
+                    absorbed -= 0.5 * (double)palp_dot(palp_add(f, last_f), palp_sub(p, last_p));
+                stored = fmax(stored, (double)palp_contact_energy(&c));
+                last_f = f;
+                last_p = p;
+            }
+            pushes++;
+            if (stored > 0 && -absorbed / stored > worst) {
+                worst = -absorbed / stored;
+                where = node;
+            }
+            free(c.candidate); /* the first piece of the block */
+        }
+        AT_MOST(worst, 1e-4,
+                "rabbit of %u nodes, epsilon %g, softened %.2g: %u pushes with a tool of %g edges, "
+                "worst at node %u: energy given",
+                b.m.vertices, epsilon, b.softened, pushes, (double)size, where);
+    }
+}
+
 /* Whatever a capacity leaves out must not push when room comes back. */
 static void test_capacities(const baked *b) {
     loop_result r = closed_path(&b->blob, 0.4f, (palp_contact_limits){24, 6, 2, 8}, 0, 1, 0.8);
@@ -215,5 +260,8 @@ int main(void) {
     test_loops(0.01);
     test_loops(0.05);
     test_loops(0.2);
+    test_pushes(0.01, "blobs/rabbit.obj", 2, 9);
+    test_pushes(0.05, "blobs/rabbit.obj", 2, 9);
+    test_pushes(0.2, "blobs/rabbit.obj", 2, 9);
     return tap_done();
 }
