@@ -1,8 +1,9 @@
 # Palp: see README.md. `make help` lists the targets.
 .DEFAULT_GOAL := all
-BUILD ?= build
-PREFIX ?= /usr/local
+.SECONDARY:
 CROSS ?=
+BUILD ?= build$(if $(CROSS),/$(patsubst %-,%,$(CROSS)))
+PREFIX ?= /usr/local
 CC := $(if $(CROSS),$(CROSS)gcc,$(if $(filter default,$(origin CC)),gcc,$(CC)))
 AR := $(CROSS)ar
 

@@ -199,7 +199,8 @@ static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
         line++;
         p[strcspn(p, "#\r")] = '\0';
         p += strspn(p, " \t");
-        p[strcspn(p, " \t")] = '\0';
+        size_t length = strlen(p);
+        while (length > 0 && (p[length - 1] == ' ' || p[length - 1] == '\t')) p[--length] = '\0';
         uint32_t node;
         if (*p != '\0') {
             if (!parse_u32(p, &node) || node >= nodes) {
@@ -336,8 +337,9 @@ static uint8_t *serialize_softened(blob_content *content, size_t *bytes) {
     float *softening = allocate(content->m->vertices, sizeof *softening);
     soften_report r = soften(&opened, softening);
     if (!(r.mu > 0)) return blob;
-    fprintf(stderr, "contact softened by up to %.2g of a node's own compliance: thin parts, epsilon %g\n", r.largest,
-            (double)content->meta.epsilon);
+    fprintf(stderr,
+            "contact softened by up to %.2g of a node's own compliance: thin parts, epsilon %g\n",
+            r.largest, (double)content->meta.epsilon);
     free(blob);
     content->softening = softening;
     return blob_serialize(content, bytes);
@@ -352,19 +354,20 @@ static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *f
 
 static void report(FILE *f, const palp_meta *m, size_t bytes, double seconds) {
     double free_nodes = m->domain_nodes[PALP_FREE];
-    fprintf(f, "nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
-           " level(s)\n",
-           m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->levels);
+    fprintf(f,
+            "nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
+            " level(s)\n",
+            m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->levels);
     fprintf(f, "reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
-           (m->flags & PALP_META_SYMMETRIC) != 0 ? ", enforced" : ", kept (raw)");
+            (m->flags & PALP_META_SYMMETRIC) != 0 ? ", enforced" : ", kept (raw)");
     if ((m->flags & PALP_META_REACTIONS) != 0) {
         fprintf(f, "equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     }
     fprintf(f, "compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
-           free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon,
-           (double)m->rms_error, (double)m->max_error);
+            free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon,
+            (double)m->rms_error, (double)m->max_error);
     fprintf(f, "node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
-           (double)m->stiffness_max_N_per_m);
+            (double)m->stiffness_max_N_per_m);
     fprintf(f, "blob                  %zu bytes\n", bytes);
     fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s)\n", seconds, thread_count());
 }

@@ -12,7 +12,7 @@ typedef struct {
     const double *area;
     double (*normal)[3];
     const float *softening; /* [nodes]; NULL: none */
-    palp_meta meta; /* material, options, errors; counts and grid are filled in here */
+    palp_meta meta;         /* material, options, errors; counts and grid are filled in here */
     const domain_data *domain[PALP_DOMAINS];
     const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */
 } blob_content;

@@ -364,9 +364,9 @@ static double *rigid_weights(const greens *g, const mesh *m) {
 }
 
 /*
- * Averaging leaves rigid motions of the fixed nodes slightly wrong. The smallest change of each row that makes them
- * exact, u_F = R_F for u_U = R_U and f_U = 0, is added; with the skew blocks it makes the reactions of
- * every load balance it in force and moment.
+ * Averaging leaves rigid motions of the fixed nodes slightly wrong. The smallest change of each row
+ * that makes them exact, u_F = R_F for u_U = R_U and f_U = 0, is added; with the skew blocks it
+ * makes the reactions of every load balance it in force and moment.
  */
 static void restore_rigid_motion(const greens *g, const mesh *m) {
     double *w = rigid_weights(g, m);

@@ -52,14 +52,14 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
         palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
         palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
         palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
-    printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.6g,\n", b->bytes,
+    printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.9g,\n", b->bytes,
            dense_bytes, compression);
-    printf(" \"rms_error\": %.6g, \"max_error\": %.6g, \"reciprocity_residual\": %.6g, "
-           "\"equilibrium_residual\": %.6g,\n",
+    printf(" \"rms_error\": %.9g, \"max_error\": %.9g, \"reciprocity_residual\": %.9g, "
+           "\"equilibrium_residual\": %.9g,\n",
            (double)m->rms_error, (double)m->max_error, (double)m->reciprocity_residual,
            (double)m->equilibrium_residual);
     printf(" \"mesh_sha256\": \"%s\",\n", sha);
-    printf(" \"stiffness_n_per_m\": {\"min\": %.6g, \"max\": %.6g},\n",
+    printf(" \"stiffness_n_per_m\": {\"min\": %.9g, \"max\": %.9g},\n",
            (double)m->stiffness_min_N_per_m, (double)m->stiffness_max_N_per_m);
     printf(" \"gravity\": %s, \"reactions\": %s,\n",
            palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
@@ -81,7 +81,7 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
         const uint32_t *start = b->domain[PALP_FREE].level_start;
         printf(" %" PRIu32, start[l + 1] - start[l]);
     }
-    printf("\nmaterial              Young %.6g Pa, Poisson %.4g, density %.6g kg/m3\n",
+    printf("\nmaterial              Young %.9g Pa, Poisson %.4g, density %.9g kg/m3\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3);
     printf("wavelet               linear %s, epsilon %g, %s storage\n",
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,

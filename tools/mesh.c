@@ -205,7 +205,9 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
         if (j - i == 1) {
             die(EXIT_WORK,
                 "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
-                " (0-based): close it, or use 'palp remesh', which closes small holes",
+                " (0-based): close it (palp remesh closes holes with a rim of at most the bounding "
+                "box diagonal; "
+                "vertices that only look joined must be welded)",
                 path, h[i].low, h[i].high, h[i].triangle);
         }
         if (j - i > 2) {

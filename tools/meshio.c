@@ -103,7 +103,7 @@ static void obj_vertex(builder *b, const char *p, size_t line) {
     add_vertex(b, x, line);
 }
 
-static void obj_face(builder *b, const char *p, size_t line) {
+static void obj_face(builder *b, const char *p, size_t line, uint32_t so_far) {
     uint32_t corner[MAX_CORNERS];
     size_t n = 0;
     for (p = skip_blanks(p); *p != '\n' && *p != '\0' && *p != '#'; p = skip_blanks(p)) {
@@ -111,10 +111,10 @@ static void obj_face(builder *b, const char *p, size_t line) {
         long index = strtol(p, &end, 10);
         if (end == p)
             die(EXIT_WORK, "%s:%zu: a face needs vertex numbers, found '%.12s'", b->path, line, p);
-        long absolute = index < 0 ? (long)b->m.vertices + index : index - 1;
+        long absolute = index < 0 ? (long)so_far + index : index - 1;
         if (index == 0 || absolute < 0 || absolute >= (long)b->m.vertices) {
-            die(EXIT_WORK, "%s:%zu: vertex %ld is out of range (%" PRIu32 " vertices so far)",
-                b->path, line, index, b->m.vertices);
+            die(EXIT_WORK, "%s:%zu: vertex %ld is out of range (%" PRIu32 " vertices)", b->path,
+                line, index, b->m.vertices);
         }
         if (n == MAX_CORNERS)
             die(EXIT_WORK, "%s:%zu: more than %d corners", b->path, line, MAX_CORNERS);
@@ -126,17 +126,19 @@ static void obj_face(builder *b, const char *p, size_t line) {
     add_polygon(b, corner, n);
 }
 
-/* Faces may name vertices that follow only when all vertices are known, so vertices are read first.
- */
+/* Faces may name vertices that follow, so vertices are read first; negative numbers count from the
+ * face's own line. */
 static void read_obj(builder *b, const char *text) {
     for (int pass = 0; pass < 2; pass++) {
         size_t line = 0;
+        uint32_t so_far = 0;
         for (const char *p = text; *p != '\0';) {
             line++;
             const char *q = skip_blanks(p);
             bool blank_next = q[0] != '\0' && (q[1] == ' ' || q[1] == '\t');
+            if (*q == 'v' && blank_next) so_far++;
             if (pass == 0 && *q == 'v' && blank_next) obj_vertex(b, q + 1, line);
-            if (pass == 1 && *q == 'f' && blank_next) obj_face(b, q + 1, line);
+            if (pass == 1 && *q == 'f' && blank_next) obj_face(b, q + 1, line, so_far);
             p = strchr(p, '\n');
             if (p == NULL) break;
             p++;
@@ -361,7 +363,7 @@ static double ply_value(ply_cursor *c, ply_type type) {
 static void ply_face(builder *b, ply_cursor *c, const ply_property *p, size_t element) {
     uint32_t corner[MAX_CORNERS];
     double n = ply_value(c, p->count_type);
-    if (n < 0 || n > MAX_CORNERS)
+    if (!(n >= 0 && n <= MAX_CORNERS))
         die(EXIT_WORK, "%s: face %zu has %g corners", b->path, element, n);
     for (size_t k = 0; k < (size_t)n; k++) {
         double v = ply_value(c, p->type);
@@ -452,6 +454,7 @@ static void read_ply(builder *b, const char *data, size_t bytes) {
         }
     }
     for (size_t e = 0; e < elements; e++) {
+        if (element[e].properties == 0) continue;
         for (size_t i = 0; i < element[e].count; i++) ply_item(b, &c, &element[e], i);
     }
 }
@@ -470,7 +473,7 @@ mesh mesh_load(const char *path) {
     if (bytes == 0) die(EXIT_WORK, "%s: the file is empty", path);
     if (strncmp(data, "ply", 3) == 0 && isspace((unsigned char)data[3])) {
         read_ply(&b, data, bytes);
-    } else if (has_extension(path, ".stl")) {
+    } else if (has_extension(path, ".stl") || strncmp(data, "solid", 5) == 0) {
         read_stl(&b, data, bytes);
     } else if (has_extension(path, ".obj") || strcmp(path, "-") == 0) {
         if (memchr(data, '\0', bytes) != NULL) die(EXIT_WORK, "%s: not a text file", path);

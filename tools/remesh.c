@@ -516,21 +516,23 @@ int command_remesh(int argc, char **argv) {
         die(EXIT_WORK, "%s: %" PRIu32 " triangle(s) stay flipped: try --base-faces %" PRIu32,
             s.input, r.flipped, 2 * r.base_triangles);
     }
+    FILE *say = strcmp(s.output, "-") == 0 ? stderr : stdout;
     mesh_save_obj(&m, s.output);
-    printf("input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices,
-           in.triangles);
-    if (r.dropped > 0) printf(", %" PRIu32 " unused vertices dropped", r.dropped);
-    if (r.filled > 0) printf(", %" PRIu32 " hole(s) closed", r.filled);
-    printf("\nbase                  %" PRIu32 " triangles, %" PRIu32 " refinement(s)\n",
-           r.base_triangles, s.levels);
-    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
-           m.triangles);
-    printf("distance              mean %.3f %%, max %.3f %% of the diagonal\n", 100 * r.mean,
-           100 * r.max);
-    printf("flipped triangles     %" PRIu32 "\n", r.flipped);
-    printf("smallest angle        %.2f degrees\n", r.smallest_angle_deg);
+    fprintf(say, "input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices,
+            in.triangles);
+    if (r.dropped > 0) fprintf(say, ", %" PRIu32 " unused vertices dropped", r.dropped);
+    if (r.filled > 0) fprintf(say, ", %" PRIu32 " hole(s) closed", r.filled);
+    fprintf(say, "\nbase                  %" PRIu32 " triangles, %" PRIu32 " refinement(s)\n",
+            r.base_triangles, s.levels);
+    fprintf(say, "result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
+            m.triangles);
+    fprintf(say, "distance              mean %.3f %%, max %.3f %% of the diagonal\n", 100 * r.mean,
+            100 * r.max);
+    fprintf(say, "flipped triangles     %" PRIu32 "\n", r.flipped);
+    fprintf(say, "smallest angle        %.2f degrees\n", r.smallest_angle_deg);
     if (r.mean > REMESH_MEAN || r.max > REMESH_MAX) {
-        warn("%s: the result is farther from the surface than %g %% (mean) or %g %% (max): try "
+        warn("warning: %s: the result is farther from the surface than %g %% (mean) or %g %% "
+             "(max): try "
              "--base-faces %" PRIu32,
              s.input, 100 * REMESH_MEAN, 100 * REMESH_MAX, 2 * r.base_triangles);
     }
@@ -548,7 +550,8 @@ int command_subdivide(int argc, char **argv) {
         m = finer;
     }
     mesh_save_obj(&m, s.output);
-    printf("result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
-           m.triangles);
+    fprintf(strcmp(s.output, "-") == 0 ? stderr : stdout,
+            "result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
+            m.triangles);
     return EXIT_SUCCESS;
 }

@@ -78,7 +78,8 @@ soften_report soften(const palp_blob *blob, float *softening) {
     }
     for (size_t i = 0; i < c.m; i++) {
         for (size_t j = 0; j < c.m; j++) {
-            if (fabs(c.normal[i * c.m + j]) > amplitude[i]) amplitude[i] = fabs(c.normal[i * c.m + j]);
+            if (fabs(c.normal[i * c.m + j]) > amplitude[i])
+                amplitude[i] = fabs(c.normal[i * c.m + j]);
         }
     }
     soften_report r = {.mu = least_mu(c.normal, amplitude, c.m)};

@@ -2,10 +2,11 @@
 /*
  * Keeps contact passive after thresholding.
  *
- * Contact works with the normal compliances N_ij = n_i^T (G_ij + G_ji^T) n_j / 2 of the compressed columns. On thin
- * parts, whose columns are mostly bending, the dropped details can exceed the local compliance, and N is no
- * longer positive definite: some push would be rewarded. Adding mu a_i to each N_ii, a_i the largest entry of
- * column i, by which details are dropped, mends that; mu is the least that does, to ten per cent.
+ * Contact works with the normal compliances N_ij = n_i^T (G_ij + G_ji^T) n_j / 2 of the compressed
+ * columns. On thin parts, whose columns are mostly bending, the dropped details can exceed the
+ * local compliance, and N is no longer positive definite: some push would be rewarded. Adding mu
+ * a_i to each N_ii, a_i the largest entry of column i, by which details are dropped, mends that; mu
+ * is the least that does, to ten per cent.
  */
 #ifndef PALP_TOOLS_SOFTEN_H
 #define PALP_TOOLS_SOFTEN_H
@@ -17,7 +18,8 @@ typedef struct {
     double largest; /* largest mu a_i / N_ii */
 } soften_report;
 
-/* Writes softening[nodes] (m/N, 0 at fixed nodes) for an opened blob. Cost: m columns, about ten LU of order m. */
+/* Writes softening[nodes] (m/N, 0 at fixed nodes) for an opened blob. Cost: m columns, about ten LU
+ * of order m. */
 soften_report soften(const palp_blob *blob, float *softening);
 
 #endif

@@ -115,10 +115,11 @@ static condition_line parse_condition(const char *path, size_t line, char *field
 static condition_line *read_conditions(const char *path, uint32_t nodes, size_t *count) {
     size_t bytes, capacity = 0, number = 0;
     char *text = read_file(path, &bytes);
+    bool marked = strncmp(text, "\xef\xbb\xbf", 3) == 0; /* byte order mark of some spreadsheets */
     condition_line *list = NULL;
     bool header = false;
     *count = 0;
-    for (char *line = text; line != NULL;) {
+    for (char *line = text + (marked ? 3 : 0); line != NULL;) {
         char *next = strchr(line, '\n');
         if (next != NULL) *next++ = '\0';
         number++;
@@ -200,6 +201,12 @@ int command_solve(int argc, char **argv) {
     status = palp_cma_solve(&cma, u, f);
     if (status == PALP_ERR_SINGULAR)
         die(EXIT_WORK, "%s: the body is no longer held: keep nodes fixed or displaced", s.set);
+    if (status == PALP_ERR_NOT_SPD) {
+        die(EXIT_WORK,
+            "%s: compression at epsilon %g cannot resolve so many constraints: bake with a smaller "
+            "--epsilon",
+            s.set, (double)b.meta->epsilon);
+    }
     if (status != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(status));
     fputs("node,ux,uy,uz,fx,fy,fz\n", out.file);
     for (uint32_t i = 0; i < b.meta->nodes; i++) {

@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -110,13 +111,23 @@ char *read_file(const char *path, size_t *bytes) {
 
 output open_output(const char *path) {
     output out = {.path = path};
+    struct stat status;
     if (strcmp(path, "-") == 0) {
         out.file = stdout;
         return out;
     }
-    size_t n = strlen(path) + 32;
+    /* A symbolic link keeps pointing where it does; devices and pipes are written to, not replaced.
+     */
+    char *real = realpath(path, NULL);
+    if (real != NULL) out.path = real;
+    if (real != NULL && stat(real, &status) == 0 && !S_ISREG(status.st_mode)) {
+        out.file = S_ISDIR(status.st_mode) ? NULL : fopen(real, "wb");
+        if (out.file == NULL) die(EXIT_USAGE, "cannot write %s: %s", path, strerror(errno));
+        return out;
+    }
+    size_t n = strlen(out.path) + 32;
     out.temporary = allocate(n, 1);
-    snprintf(out.temporary, n, "%s.%ld.part", path, (long)getpid());
+    snprintf(out.temporary, n, "%s.%ld.part", out.path, (long)getpid());
     out.file = fopen(out.temporary, "wb");
     if (out.file == NULL) die(EXIT_USAGE, "cannot write %s: %s", path, strerror(errno));
     change_pending(NULL, out.temporary);
@@ -128,7 +139,8 @@ output open_output(const char *path) {
 void commit_output(output *out) {
     bool bad = fflush(out->file) != 0 || ferror(out->file) != 0;
     if (out->temporary == NULL) {
-        if (bad) die(EXIT_WORK, "cannot write standard output: %s", strerror(errno));
+        if (bad) die(EXIT_WORK, "cannot write %s: %s", out->path, strerror(errno));
+        if (out->file != stdout) fclose(out->file);
         return;
     }
     bad |= fclose(out->file) != 0;

@@ -19,6 +19,11 @@ typedef struct {
 /* `count` elements of `size` bytes, aligned to PALP_ALIGN; NULL while measuring. Constant time. */
 static inline void *palp_take(palp_arena *arena, size_t count, size_t size) {
     size_t at = arena->used;
+    size_t room = SIZE_MAX - at - PALP_ALIGN;
+    if (at > SIZE_MAX - PALP_ALIGN || (size > 0u && count > room / size)) {
+        arena->used = SIZE_MAX; /* more than the address space: no block is ever large enough */
+        return NULL;
+    }
     arena->used = (at + count * size + PALP_ALIGN - 1u) / PALP_ALIGN * PALP_ALIGN;
     return arena->base != NULL ? arena->base + at : NULL;
 }

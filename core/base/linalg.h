@@ -29,7 +29,8 @@ palp_status palp_chol_factor(float *a, size_t n, size_t stride);
  */
 palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column);
 
-/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2 n^2.
+/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2.5
+ * n^2.
  */
 void palp_chol_remove(float *r, size_t n, size_t stride, size_t index);
 
@@ -42,7 +43,7 @@ void palp_chol_backward(const float *r, size_t n, size_t stride, float *b);
 
 /*
  * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below
- * PALP_PIVOT_MIN times the largest entry of its original row. n^3/3.
+ * PALP_PIVOT_MIN times the largest entry of its row. n^3/3.
  */
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride);
 

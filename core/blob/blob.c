@@ -160,7 +160,8 @@ static void check_meta(reader *r, const palp_meta *m) {
     require(r, m->domain_nodes[PALP_FREE] >= 1u && m->domain_nodes[PALP_FREE] < m->nodes);
     require(r, m->domain_nodes[PALP_FIXED] == m->nodes - m->domain_nodes[PALP_FREE]);
     require(r, m->max_groups <= m->domain_nodes[PALP_FREE] / PALP_LANES + 1u);
-    require(r, (m->flags & PALP_META_FIXED_COLUMNS) == 0u || (m->flags & PALP_META_REACTIONS) != 0u);
+    require(r,
+            (m->flags & PALP_META_FIXED_COLUMNS) == 0u || (m->flags & PALP_META_REACTIONS) != 0u);
     require(r, m->max_ring >= 3u && m->max_ring < m->nodes);
     require(r, m->max_row >= 1u && m->max_row <= m->nodes);
     for (int axis = 0; axis < 3; axis++) require(r, m->cells[axis] >= 1u && m->cells[axis] <= 256u);

@@ -76,11 +76,12 @@ typedef enum {
 #define PALP_META_LIFTED 1u    /* lifted wavelets */
 #define PALP_META_SYMMETRIC 2u /* reciprocity enforced: G_FF is symmetric positive definite */
 #define PALP_META_GRAVITY 4u   /* the last column of each F column set is the gravity response */
-#define PALP_META_FIXED_COLUMNS 8u /* columns of the fixed nodes are there: they can be released   \
-                                    */
-#define PALP_META_REACTIONS 16u    /* rows of the fixed nodes are there: reactions are known */
-#define PALP_META_HALF 32u         /* IEEE half storage */
-#define PALP_META_BUTTERFLY 64u    /* predicted by the butterfly stencil (study only) */
+#define PALP_META_FIXED_COLUMNS                                                                    \
+    8u                          /* columns of the fixed nodes are there: they can be released      \
+                                 */
+#define PALP_META_REACTIONS 16u /* rows of the fixed nodes are there: reactions are known */
+#define PALP_META_HALF 32u      /* IEEE half storage */
+#define PALP_META_BUTTERFLY 64u /* predicted by the butterfly stencil (study only) */
 
 typedef struct {
     uint32_t nodes, triangles, levels, flags;

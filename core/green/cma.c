@@ -338,8 +338,8 @@ static bool node_is_held(const palp_cma *c, uint32_t i) {
 }
 
 /*
- * Rounding and thresholding hide that a body is loose, so this is looked at: with a fixed node released and no
- * normal constraint about, the held nodes must not lie on one line.
+ * Rounding and thresholding hide that a body is loose, so this is looked at: with a fixed node
+ * released and no normal constraint about, the held nodes must not lie on one line.
  */
 static bool is_held(const palp_cma *c) {
     const palp_meta *m = c->blob->meta;

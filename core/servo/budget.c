@@ -2,7 +2,7 @@
 #include "budget.h"
 
 #define SPHERE 60.0f            /* one sphere evaluation with its look-ups */
-#define FRAMES_AND_POSE 4000.0f /* decoding, kinematics, output chain, encoding */
+#define FRAMES_AND_POSE 8000.0f /* decoding, kinematics, output chain, encoding */
 #define DESCENT 32.0f           /* moves of the nearest node, as in contact.c */
 
 /* Most nodes that the search can meet in 27 cells: three cells of a row are one run. */
@@ -35,11 +35,11 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits) 
     float column = (float)(m->max_groups * PALP_LANES);
     return (palp_cost_bound){
         .fixed = FRAMES_AND_POSE,
-        .search = candidates * (SPHERE + active) +
-                  candidates * ring * (SPHERE + (float)limits.max_new) +
+        .search = candidates * (SPHERE + 5.0f * active) +
+                  candidates * ring * (SPHERE + 3.0f * (float)limits.max_new) +
                   candidates * candidates * 3.0f + 8.0f * (most_in_block(blob) + DESCENT * ring),
         .row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row,
-        .extraction = 11.0f * row + column + 40.0f,
+        .extraction = 16.0f * row + column + 40.0f,
     };
 }
 
@@ -49,10 +49,11 @@ float palp_cost_admit(const palp_cost_bound *bound, uint32_t count) {
 
 float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots) {
     float n = (float)active;
-    float once = (float)count * SPHERE + n * n * n / 6.0f + n * n;
+    /* depths, refactorisation, relief of what found no room, axis and force */
+    float once = (float)count * (SPHERE + 2.0f * n) + n * n * n / 6.0f + n * n + 20.0f * n;
     float step = 2.5f * n * n + 24.0f * n; /* z, with the spring's give */
-    float exchange = 2.0f * n * n + 8.0f * n;
-    float violation = (float)count * 2.0f * n; /* is it active, and its indentation */
+    float exchange = 2.5f * n * n + 8.0f * n;
+    float violation = (float)count * (2.0f * n + 6.0f); /* is it active, and its indentation */
     return once + (float)pivots * (step + exchange + violation);
 }
 

@@ -36,7 +36,8 @@ float palp_cost_admit(const palp_cost_bound *bound, uint32_t count);
 
 /*
  * One contact solve with `count` candidates, at most `active` nodes in contact and `pivots` steps:
- * 60 count + active^3/6 + active^2 + pivots (4.5 active^2 + 32 active + 2 count active).
+ * count (60 + 2 active) + active^3/6 + active^2 + 20 active
+ * + pivots (5 active^2 + 32 active + count (2 active + 6)).
  */
 float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots);
 

@@ -43,6 +43,7 @@ static palp_servo *lay_out(const palp_blob *b, palp_contact_limits l, palp_arena
 size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
     palp_arena arena = {0};
     void *contact_memory;
+    if (!palp_contact_limits_sound(limits)) return 0;
     (void)lay_out(blob, limits, &arena, &contact_memory);
     return arena.used;
 }
@@ -66,6 +67,7 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             float *bound_ns) {
     palp_arena arena = {.base = memory};
     void *contact_memory;
+    if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_servo_memsize(blob, config->limits)) return PALP_ERR_MEMORY;
@@ -210,7 +212,7 @@ static void advance_state(palp_servo *s) {
                 a->drive_state == PALP_ODRIVE_CLOSED_LOOP &&
                 a->heartbeat_age + settle < s->state_ticks;
     }
-    s->state_ticks++;
+    if (s->state_ticks < UINT32_MAX / 2u) s->state_ticks++;
     if (s->state == PALP_STATE_INIT && heard) enter(s, PALP_STATE_ENABLING);
     if (s->state == PALP_STATE_ENABLING && ready) enter(s, PALP_STATE_RUN);
     if (s->state == PALP_STATE_RUN) watch_drives(s);
@@ -359,7 +361,7 @@ static uint32_t send_frames(const palp_servo *s, const palp_report *r, palp_can_
             (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE, .state = PALP_ODRIVE_IDLE},
             out, n);
     }
-    if (s->state == PALP_STATE_RUN || s->state == PALP_STATE_FAULT) {
+    if (s->state != PALP_STATE_INIT) { /* zero but in RUN, so that no old set-point acts */
         for (uint32_t i = 0; i < PALP_AXES; i++) {
             palp_odrive_message m = {.command = PALP_ODRIVE_SET_INPUT_TORQUE,
                                      .node = s->config.device.node_id[i],

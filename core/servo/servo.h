@@ -52,7 +52,7 @@ typedef enum {
     0.02f /* drives get this long to act on the enable sequence before they are believed */
 #define PALP_RAMP_S 0.2f /* from enable to full force */
 #define PALP_BAD_IN_A_ROW 3u
-#define PALP_SERVO_FRAMES_OUT 9u
+#define PALP_SERVO_FRAMES_OUT 12u
 
 /* Totals since the start; they never go down. */
 typedef struct {

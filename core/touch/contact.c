@@ -29,7 +29,7 @@ static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, 
     }
 }
 
-static bool limits_are_sound(palp_contact_limits l) {
+bool palp_contact_limits_sound(palp_contact_limits l) {
     return l.max_candidates >= 1u && l.max_candidates <= PALP_MAX_CANDIDATES &&
            l.max_active >= 1u && l.max_active <= l.max_candidates && l.max_new >= 1u &&
            l.max_new <= l.max_candidates && l.max_pivots >= 1u;
@@ -46,7 +46,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
                               float radius_m, palp_contact_limits limits, void *memory,
                               size_t bytes) {
     palp_arena arena = {.base = memory};
-    if (!limits_are_sound(limits)) return PALP_ERR_LIMITS;
+    if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (!(radius_m > 0.0f) || !palp_is_finite(radius_m)) return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
@@ -205,8 +205,8 @@ static palp_vec3 force_on_tool(const palp_contact *c) {
 }
 
 /*
- * Backing out shrinks the relief of idle nodes: what the tool of the last solve, where its grip let it rest, still
- * asked of them, with the forces of that solve.
+ * Backing out shrinks the relief of idle nodes: what the tool of the last solve, where its grip let
+ * it rest, still asked of them, with the forces of that solve.
  */
 static void shrink_relief(palp_contact *c) {
     palp_vec3 moved = {0};

@@ -69,12 +69,16 @@ typedef struct {
     uint16_t *place;           /* [nodes] candidate number + 1, 0 if none */
     palp_row_scratch scratch;
     uint32_t count, active_count, nearest, solves, changes;
-    uint32_t flags;   /* of the last tick */
-    uint32_t pivots;  /* of the last tick */
-    palp_vec3 axis;   /* outward direction of the contact */
-    palp_vec3 center; /* of the last search */
+    uint32_t flags;          /* of the last tick */
+    uint32_t pivots;         /* of the last tick */
+    palp_vec3 axis;          /* outward direction of the contact */
+    palp_vec3 center;        /* of the last search */
     float stiffness_N_per_m; /* of the last grip */
 } palp_contact;
+
+/* Each limit at least 1, max_candidates at most PALP_MAX_CANDIDATES, the others at most
+ * max_candidates. */
+bool palp_contact_limits_sound(palp_contact_limits limits);
 
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
 

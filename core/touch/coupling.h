@@ -8,10 +8,10 @@
  * last tool position, and again about each new one, so that the active set and the tool settle
  * together.
  *
- * The device feels f = k (c - p) - b dp/dt while it touches. The spring part is the gradient of the joint minimum
- * of contact and spring energy, so it gains nothing on a closed path. The damper holds on to the ground, not to the
- * tool: between tool and device it would act on the spring force alone, and give energy where a convex
- * body lets that force fall along the way.
+ * The device feels f = k (c - p) - b dp/dt while it touches. The spring part is the gradient of the
+ * joint minimum of contact and spring energy, so it gains nothing on a closed path. The damper
+ * holds on to the ground, not to the tool: between tool and device it would act on the spring force
+ * alone, and give energy where a convex body lets that force fall along the way.
  */
 #ifndef PALP_TOUCH_COUPLING_H
 #define PALP_TOUCH_COUPLING_H

@@ -142,6 +142,7 @@ static void bus_send(bus *b, const palp_can_frame *frame) {
         sim_device_receive(&b->device, frame);
     } else if (!can_send(b->fd, frame)) {
         b->lost++;
+        b->health.failed = true; /* what is queued would act late: fault, never send again */
     }
 }
 
@@ -365,6 +366,9 @@ int main(int argc, char **argv) {
     fflush(stdout);
     signal(SIGINT, on_interrupt);
     signal(SIGTERM, on_interrupt);
+    signal(SIGHUP, on_interrupt);
+    signal(SIGQUIT, on_interrupt);
+    signal(SIGPIPE, SIG_IGN);
     run(&ses);
     stop_drives(&b, &file.device);
     if (ses.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
