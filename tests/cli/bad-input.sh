@@ -29,6 +29,11 @@ refuses 1 "belongs to no triangle" "unused vertex, as is" $bake $held
 awk '/^v/{print "v", $2, $3, 0} /^f/' "$ball" >m.obj
 refuses 1 . "flat mesh" $bake $held
 
+printf 'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list float int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\nnan 0 1 2 0 1 2 0 1 2\n' >n.ply
+refuses 1 "corners" "PLY face of NaN corners" $palp bake n.ply --as-is -o out.palp --young 1 --poisson 0.3 $held
+printf 'ply\nformat ascii 1.0\nelement foo 18446744073709551615\nend_header\n' >n.ply
+refuses 1 "no triangles" "PLY element without end" $palp bake n.ply --as-is -o out.palp --young 1 --poisson 0.3 $held
+
 cp "$ball" m.obj
 refuses 2 "no fixed node" "no fixed node: no option" $bake
 refuses 1 "no node is fixed" "no fixed node: none selected" $bake --fix-below z -7
@@ -79,6 +84,8 @@ set_csv "1,free,,,"
 refuses 2 "not fixed" "solve: released node that is free" $palp solve good.palp --set set.csv -o out.csv
 printf 'node,kind,x,y,z\n1,f,1,0,0\n1,f,1,0,0\n' >set.csv
 refuses 2 "already" "solve: a node twice" $palp solve good.palp --set set.csv -o out.csv
+{ echo node,kind,x,y,z; awk '/^v/{if ($4 <= -0.5) print n",free,,,"; n++}' m.obj; } >all.csv
+refuses 1 "no longer held" "solve: every fixed node released" $palp solve good.palp --set all.csv -o out.csv
 echo "1,2,3" >set.csv
 refuses 2 "header" "solve: no header" $palp solve good.palp --set set.csv -o out.csv
 set_csv "1,f,1,0,0"
@@ -94,6 +101,14 @@ refuses 2 "out of range" "palpd: bad device file" $palpd good.palp --bus loop --
 sed '/^mass/d' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "'mass' is missing" "palpd: incomplete device file" $palpd good.palp --bus loop --device bad.dev
 refuses 2 "inside palpd" "palp-sim: loop" $palp_sim --bus loop --device arm3
+set_csv "1,f,1,0,0"
+echo kept >real.csv; ln -s real.csv link.csv; $palp solve good.palp --set set.csv -o link.csv && [ -L link.csv ] && grep -q ux real.csv
+ok $? "an output that is a symbolic link is written through it"
+mkfifo pipe; cat pipe >got.txt & $palp solve good.palp --set set.csv -o pipe; wait
+[ -p pipe ] && grep -q ux got.txt
+ok $? "an output that is a pipe is written to, not replaced"
+$palp bake m.obj --as-is -o - --young 1e4 --poisson 0.3 $held 2>/dev/null | cmp -s - good.palp
+ok $? "a blob on standard output is nothing but the blob"
 for program in "$palp" "$palp bake" "$palp remesh" "$palp subdivide" "$palp info" "$palp solve" "$palpd" "$palp_sim"; do
     $program --help >help.txt 2>&1 && grep -q usage help.txt
     ok $? "$(basename "$program") --help"

@@ -13,6 +13,18 @@ awk '/^v/{print; n++} /^f/{print "f", $2-n-1, $3-n-1, $4-n-1}' "$ball" >b.obj
 bake b.obj b.palp
 [ "$(answer b.palp)" = "$(answer ref.palp)" ]
 ok $? "negative indices"
+cat >tetra.obj <<'EOF'
+v 0 0 0
+v 1 0 0
+v 0 1 0
+f -3 -1 -2
+v 0 0 1
+f -4 -3 -1
+f -4 -1 -2
+f -3 -2 -1
+EOF
+$palp bake tetra.obj --as-is -o tetra.palp --young 1e4 --poisson 0.3 --fix-below z 0.1 >/dev/null 2>err.txt
+ok $? "negative indices among vertices, counted from their own line $(cat err.txt | grep -v ' s$' | head -1)"
 { echo ply; echo format ascii 1.0; echo element vertex $(grep -c ^v "$ball"); echo property float x; echo property float y; echo property float z
   echo element face $(grep -c ^f "$ball"); echo property list uchar int vertex_indices; echo end_header
   sed -n 's/^v //p' "$ball"; awk '/^f/{print 3, $2-1, $3-1, $4-1}' "$ball"; } >c.ply

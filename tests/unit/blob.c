@@ -133,6 +133,14 @@ int main(void) {
     expect_bad(PALP_SEC_NODE, 0, 41, PALP_ERR_RANGE, "a slot that names another slot's node");
     expect_bad(PALP_SEC_AREA, 0, 0x80000000u, PALP_ERR_RANGE, "a nodal area that is not positive");
     expect_bad(PALP_SEC_META, 0, 43, PALP_ERR_RANGE, "a node count that disagrees");
+    expect_bad(PALP_SEC_META, offsetof(palp_meta, max_groups), 1u << 29, PALP_ERR_RANGE,
+               "a column length beyond the rows");
+    expect_bad(PALP_SEC_META, offsetof(palp_meta, flags),
+               sample.blob.meta->flags & ~PALP_META_REACTIONS, PALP_ERR_RANGE,
+               "columns of fixed nodes without their rows");
+    expect_bad(PALP_SEC_NORMAL, 0, 0x60000000u, PALP_ERR_RANGE,
+               "a normal that is not of unit length");
+    expect_bad(PALP_SEC_SOFTENING, 0, 0xbf800000u, PALP_ERR_RANGE, "a negative softening");
     test_random();
     /* Baking again gives the same bytes, on one thread or several. */
     set_threads(1);

@@ -234,6 +234,61 @@ static void test_refusals(void) {
     free(memory);
 }
 
+/* Moving every fixed node rigidly moves the body rigidly, without force; loads are balanced in
+ * force and moment. */
+static void test_rigid(const baked *b) {
+    size_t n = 3 * (size_t)b->m.vertices;
+    palp_cma cma;
+    size_t bytes = palp_cma_memsize(&b->blob, 3);
+    void *memory = allocate_aligned(bytes, 1);
+    float *u = allocate(n, sizeof *u), *f = allocate(n, sizeof *f);
+    double motion = 0, force = 0, sum[6] = {0};
+    (void)palp_cma_init(&cma, &b->blob, 3, memory, bytes);
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        const double *x = b->m.x[i];
+        palp_vec3 v = {0.1f - 0.3f * (float)x[1], 0.2f + 0.3f * (float)x[0], -0.3f};
+        if (b->fixed[i] != 0) (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, v);
+    }
+    (void)palp_cma_solve(&cma, u, f);
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        const double *x = b->m.x[i];
+        const double exact[3] = {0.1 - 0.3 * x[1], 0.2 + 0.3 * x[0], -0.3};
+        for (int k = 0; k < 3; k++) {
+            motion = fmax(motion, fabs((double)u[3 * i + (uint32_t)k] - exact[k]));
+            force = fmax(force, fabs((double)f[3 * i + (uint32_t)k]));
+        }
+    }
+    AT_MOST(motion, 2e-6, "rigid motion of the fixed nodes moves the body rigidly, m");
+    AT_MOST(force / b->material.young_Pa, 1e-6, "and without force, over Young's modulus");
+    palp_cma_clear(&cma);
+    (void)palp_cma_give(&cma, nth_node(false, 6), PALP_GIVE_FORCE, (palp_vec3){3, -2, 5});
+    (void)palp_cma_solve(&cma, u, f);
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        const double g[3] = {(double)f[3 * i], (double)f[3 * i + 1], (double)f[3 * i + 2]};
+        double moment[3];
+        v_cross(b->m.x[i], g, moment);
+        for (int k = 0; k < 3; k++) {
+            sum[k] += g[k];
+            sum[3 + k] += moment[k];
+        }
+    }
+    AT_MOST(sqrt(v_dot(sum, sum) + v_dot(sum + 3, sum + 3)), 2e-5,
+            "load and reactions balance in force and moment, N and Nm");
+    palp_cma_clear(&cma);
+    (void)palp_cma_give(&cma, nth_node(false, 6), PALP_GIVE_FORCE, (palp_vec3){3, -2, 5});
+    free(memory);
+    bytes = palp_cma_memsize(&b->blob, (uint32_t)n);
+    memory = allocate_aligned(bytes, 1);
+    (void)palp_cma_init(&cma, &b->blob, (uint32_t)n, memory, bytes);
+    for (uint32_t i = 0, kept = 0; i < b->m.vertices; i++) {
+        if (b->fixed[i] != 0 && kept++ >= 2)
+            (void)palp_cma_give(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
+    }
+    CHECK(palp_cma_solve(&cma, u, f) == PALP_ERR_SINGULAR,
+          "a body held at two nodes only is refused");
+    free(memory);
+}
+
 int main(void) {
     progress_quiet(1);
     raw = model_bake(model_sphere(2), -0.7, 0, true, false);
@@ -246,5 +301,6 @@ int main(void) {
     /* With reciprocity enforced the answer differs by no more than collocation's own asymmetry. */
     baked enforced = model_bake(model_sphere(2), -0.7, 0, false, false);
     test_kinds(&enforced.blob, "enforced", 0.08);
+    test_rigid(&enforced);
     return tap_done();
 }
