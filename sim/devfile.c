@@ -90,11 +90,13 @@ device_file device_load(const char *name_or_path) {
     } else if (access(name_or_path, R_OK) == 0) {
         args_parse_file(name_or_path, keys, set_key, &r);
     } else {
-        fprintf(stderr, "%s: built-in devices:", program_name);
-        for (size_t i = 0; builtin_devices[i][0] != NULL; i++)
-            fprintf(stderr, " %s", builtin_devices[i][0]);
-        fputc('\n', stderr);
-        die(EXIT_USAGE, "no device '%s': neither built in nor a readable file", name_or_path);
+        char names[256] = "";
+        for (size_t i = 0; builtin_devices[i][0] != NULL; i++) {
+            size_t used = strlen(names);
+            snprintf(names + used, sizeof names - used, " %s", builtin_devices[i][0]);
+        }
+        die(EXIT_USAGE, "no device '%s': neither built in (%s) nor a readable file", name_or_path,
+            names + 1);
     }
     for (size_t i = 0; i < KEYS; i++) {
         if (!r.seen[i])
