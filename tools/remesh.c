@@ -411,6 +411,7 @@ static bool good_enough(const remesh_report *r) {
 }
 
 static bool better(const remesh_report *a, const remesh_report *b) {
+    if (good_enough(a) != good_enough(b)) return good_enough(a);
     if (a->flipped != b->flipped) return a->flipped < b->flipped;
     return a->max + 8 * a->mean < b->max + 8 * b->mean;
 }
