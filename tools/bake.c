@@ -338,8 +338,11 @@ static uint8_t *serialize_softened(blob_content *content, size_t *bytes) {
     soften_report r = soften(&opened, softening);
     if (!(r.mu > 0)) return blob;
     fprintf(stderr,
-            "contact softened by up to %.2g of a node's own compliance: thin parts, epsilon %g\n",
-            r.largest, (double)content->meta.epsilon);
+            "contact softened by up to %.2g of a node's own compliance, to stay passive on thin "
+            "parts at epsilon "
+            "%g%s\n",
+            r.largest, (double)content->meta.epsilon,
+            r.largest > 0.5 ? ": a smaller --epsilon lowers it" : "");
     free(blob);
     content->softening = softening;
     return blob_serialize(content, bytes);
