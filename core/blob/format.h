@@ -81,7 +81,6 @@ typedef enum {
                                  */
 #define PALP_META_REACTIONS 16u /* rows of the fixed nodes are there: reactions are known */
 #define PALP_META_HALF 32u      /* IEEE half storage */
-#define PALP_META_BUTTERFLY 64u /* predicted by the butterfly stencil (study only) */
 
 typedef struct {
     uint32_t nodes, triangles, levels, flags;

@@ -207,8 +207,10 @@ static palp_status assemble_row(palp_cma *c, uint32_t k) {
     float factor = row_factor(c, s->node);
     float block[9];
     uint32_t extracted = PALP_MAX_NODES + 1u;
-    (void)palp_wavelet_row(&b->domain[d], palp_node_slot(b, s->node), &c->scratch[d], &c->row,
-                           b->meta->max_row);
+    if (!palp_wavelet_row(&b->domain[d], palp_node_slot(b, s->node), &c->scratch[d], &c->row,
+                          b->meta->max_row)) {
+        return PALP_ERR_RANGE; /* a blob that understates max_row */
+    }
     palp_vec3 v0 = {0};
     for (uint32_t r = 0; r < c->row.count; r++) {
         v0 = palp_madd(v0, c->row.weight[r],

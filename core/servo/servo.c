@@ -268,8 +268,6 @@ static void prepare_contact(palp_servo *s, uint64_t start, palp_vec3 around, pal
     uint32_t pivots = most;
     while (pivots > 1u && solves_ns(s, s->contact.count, pivots) > left_ns) pivots--;
     s->contact.limits.max_pivots = pivots;
-    r->shortened = i < fresh ||
-                   pivots < most; /* could have done less than asked; feel() says whether it did */
 }
 
 static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report *r) {
@@ -282,8 +280,9 @@ static palp_vec3 feel(palp_servo *s, uint64_t start, palp_vec3 tip, palp_report 
     r->stored_J = c.energy_J;
     r->unsettled_m = c.moved_m;
     r->contact_flags = s->contact.flags;
-    r->shortened =
-        r->deferred > 0u || (r->shortened && (s->contact.flags & PALP_CONTACT_PIVOTS_SPENT) != 0u);
+    bool fewer = s->contact.limits.max_pivots < s->config.limits.max_pivots;
+    bool spent = (s->contact.flags & PALP_CONTACT_PIVOTS_SPENT) != 0u;
+    r->shortened = r->deferred > 0u || (fewer && spent);
     r->pivots = s->contact.pivots;
     r->candidates = s->contact.count;
     r->active = s->contact.active_count;

@@ -227,8 +227,7 @@ static void drop_idle(palp_contact *c, palp_vec3 center) {
         k->at = palp_sphere_at(c->radius_m, center, k->x, k->n);
         bool near = k->at.depth_m > -2.0f * c->margin_m &&
                     k->at.offset_m < 1.25f * PALP_SPHERE_REACH * c->radius_m;
-        if (is_active(c, i)) continue;
-        if (!near) drop(c, i);
+        if (!near && !is_active(c, i)) drop(c, i);
     }
 }
 
@@ -278,9 +277,13 @@ void palp_contact_admit(palp_contact *contact, uint32_t node) {
         return;
     }
     c->candidate[i] = (palp_candidate){.node = node, .x = position(c, node), .n = normal(c, node)};
+    bool fits = palp_wavelet_row(&c->blob->domain[PALP_FREE], palp_node_slot(c->blob, node),
+                                 &c->scratch, &c->row[i], c->blob->meta->max_row);
+    if (!fits) { /* a blob that understates max_row */
+        c->flags |= PALP_CONTACT_CANDIDATES_FULL;
+        return;
+    }
     c->place[node] = (uint16_t)(i + 1u);
-    (void)palp_wavelet_row(&c->blob->domain[PALP_FREE], palp_node_slot(c->blob, node), &c->scratch,
-                           &c->row[i], c->blob->meta->max_row);
     c->compliance[i * stride + i] = normal_compliance(c, i, i) + c->blob->softening[node];
     for (uint32_t k = 0; k < i; k++) {
         float g = 0.5f * (normal_compliance(c, i, k) + normal_compliance(c, k, i));
