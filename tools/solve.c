@@ -207,6 +207,12 @@ int command_solve(int argc, char **argv) {
             "--epsilon",
             s.set, (double)b.meta->epsilon);
     }
+    if (status == PALP_ERR_NOT_SPD) {
+        die(EXIT_WORK,
+            "%s: compression at epsilon %g cannot resolve so many constraints: bake with a smaller "
+            "--epsilon",
+            s.set, (double)b.meta->epsilon);
+    }
     if (status != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(status));
     fputs("node,ux,uy,uz,fx,fy,fz\n", out.file);
     for (uint32_t i = 0; i < b.meta->nodes; i++) {
