@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
 #include "models.h"
-#include "tools/soften.h"
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -75,7 +74,8 @@ mesh model_box(double size, uint32_t n) {
     return m;
 }
 
-baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
+baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
+                        double table_bytes) {
     baked b = {.m = m, .material = {.young_Pa = 1e4, .poisson = 0.4, .tolerance = BEM_TOLERANCE}};
     mesh_require_closed(&b.m, "model");
     b.fixed = allocate(m.vertices, 1);
@@ -83,40 +83,23 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
     b.normal = allocate(m.vertices, sizeof *b.normal);
     for (uint32_t i = 0; i < m.vertices; i++) b.fixed[i] = m.x[i][2] <= below;
     mesh_nodal(&b.m, b.area, b.normal);
-    semireg s = semireg_detect(&b.m);
+    build_options options = {
+        .wavelet = {.lifted = true}, .compress = {.epsilon = epsilon, .half = half}, .raw = raw};
+    b.d = domains_build(&b.m, b.fixed, b.area, options.wavelet);
+    options.constraint_level = b.d.domain[PALP_FREE].view.levels - 1;
+    options.table_bytes = table_bytes;
     b.g = greens_from_bem(&b.m, b.fixed, &b.material, 1000);
     greens_reciprocity(&b.g, &b.m, !raw);
-    static domain_data domain[PALP_DOMAINS];
-    static columns_data columns[PALP_DOMAINS][PALP_DOMAINS];
-    blob_content content = {.m = &b.m, .fixed = b.fixed, .area = b.area, .normal = b.normal};
-    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
-        domain[d] = domain_build(&b.m, &s, b.fixed, d, b.area, true);
-        content.domain[d] = &domain[d];
-    }
-    for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++) {
-        uint32_t r = k / PALP_DOMAINS, c = k % PALP_DOMAINS;
-        columns[r][c] = columns_build(&b.g, &domain[r], &domain[c], r, c, b.area, epsilon, half);
-        content.columns[r][c] = &columns[r][c];
-    }
-    content.meta = (palp_meta){.flags = PALP_META_LIFTED | (raw ? 0 : PALP_META_SYMMETRIC) |
-                                        PALP_META_GRAVITY | PALP_META_FIXED_COLUMNS |
-                                        PALP_META_REACTIONS | (half ? PALP_META_HALF : 0),
-                               .free_blocks = columns[0][0].blocks,
-                               .max_groups = columns[0][0].max_groups,
-                               .young_Pa = 1e4f,
-                               .poisson = 0.4f,
-                               .density_kg_m3 = 1000,
-                               .epsilon = (float)epsilon,
-                               .rms_error = (float)columns[0][0].rms,
-                               .max_error = (float)columns[0][0].max};
-    b.bytes = blob_serialize(&content, &b.size);
+    palp_meta meta = {.young_Pa = 1e4f, .poisson = 0.4f, .density_kg_m3 = 1000};
+    built made = blob_build(&b.m, &b.g, &b.d, b.area, b.normal, meta, &options);
+    b.bytes = made.bytes;
+    b.size = made.size;
+    b.softened = made.softened;
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
-    float *softening = allocate(m.vertices, sizeof *softening);
-    b.softened = soften(&b.blob, softening).largest;
-    content.softening = softening;
-    b.bytes = blob_serialize(&content, &b.size);
-    status = palp_blob_open(&b.blob, b.bytes, b.size);
-    if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
     return b;
+}
+
+baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
+    return model_bake_tables(m, below, epsilon, raw, half, 0);
 }

@@ -4,7 +4,7 @@
 #define PALP_TESTS_MODELS_H
 
 #include "core/palp.h"
-#include "tools/blobwrite.h"
+#include "tools/build.h"
 
 /* Unit sphere: an icosahedron split `levels` times, vertices coarse to fine. */
 mesh model_sphere(uint32_t levels);
@@ -18,6 +18,7 @@ typedef struct {
     double (*normal)[3];
     bem_material material;
     greens g; /* as baked: raw or enforced */
+    domains d;
     palp_blob blob;
     uint8_t *bytes;
     size_t size;
@@ -26,5 +27,8 @@ typedef struct {
 
 /* Fixes the vertices with z at most `below` and bakes in memory. */
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
+/* The same with dense tables of the coarse constraint levels up to that many bytes. */
+baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
+                        double table_bytes);
 
 #endif

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 #include "args.h"
-#include "blobwrite.h"
+#include "build.h"
 #include "commands.h"
 #include "parallel.h"
 #include "remesh.h"
 #include "sha256.h"
-#include "soften.h"
 #include "util.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 static const char help[] =
@@ -33,7 +33,14 @@ static const char help[] =
     "  --fix-box X0 Y0 Z0 X1 Y1 Z1                                             (repeatable)\n"
     "  --fix-nodes FILE        one 0-based node per line, numbers of the mesh that is baked\n"
     "  --epsilon E             relative threshold, 0 <= E < 1 (default 0.05; 0 keeps everything)\n"
-    "  --wavelet linear        --unlifted: without the lifting step\n"
+    "  --threshold column|global   relative to the largest block of each column (the paper's "
+    "rule),\n"
+    "                          or of all columns: fewer blocks at the same RMS error\n"
+    "  --wavelet linear|butterfly  --unlifted: without the lifting step\n"
+    "  --constraint-level C    Green's functions of constraint levels 0 to C only: for large "
+    "models\n"
+    "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
+    "(default 8)\n"
     "  --storage f32|f16       how columns are stored (default f32)\n"
     "  --reciprocity enforce|raw   raw keeps the unsymmetric collocation result (study only)\n"
     "  --compliance FILE.npy   use this compliance matrix (m/N) in place of the solver\n"
@@ -49,6 +56,7 @@ static const option options[] = {
     {"--poisson", 1},   {"--density", 1},     {"--fix-below", 2},
     {"--fix-above", 2}, {"--fix-box", 6},     {"--fix-nodes", 1},
     {"--wavelet", 1},   {"--unlifted", 0},    {"--epsilon", 1},
+    {"--threshold", 1}, {"--table-mb", 1},    {"--constraint-level", 1},
     {"--storage", 1},   {"--reciprocity", 1}, {"--compliance", 1},
     {"--save-mesh", 1}, {"--threads", 1},     {NULL, 0},
 };
@@ -66,9 +74,11 @@ typedef struct {
 typedef struct {
     const char *input, *mesh_path, *output, *save_mesh, *compliance;
     const char *folder; /* of the model file, for relative paths */
-    bool as_is, unlifted, half, raw, levels_given;
-    uint32_t levels, loop;
-    double young_Pa, poisson, density, epsilon;
+    bool as_is, half, raw, levels_given, level_chosen;
+    uint32_t levels, loop, constraint_level;
+    double young_Pa, poisson, density, epsilon, table_mb;
+    wavelet wavelet;
+    threshold_rule rule;
     fix fixes[MAX_FIXES];
     int fix_count;
 } bake_spec;
@@ -96,7 +106,8 @@ static void add_fix(bake_spec *s, const argument *a, fix_kind kind) {
 }
 
 static void set_option(void *context, const argument *a) {
-    static const char *const wavelets[] = {"linear", NULL};
+    static const char *const wavelets[] = {"linear", "butterfly", NULL};
+    static const char *const rules[] = {"column", "global", NULL};
     static const char *const storages[] = {"f32", "f16", NULL};
     static const char *const reciprocities[] = {"enforce", "raw", NULL};
     bake_spec *s = context;
@@ -131,9 +142,19 @@ static void set_option(void *context, const argument *a) {
     } else if (strcmp(o, "--fix-nodes") == 0) {
         add_fix(s, a, FIX_NODES);
     } else if (strcmp(o, "--wavelet") == 0) {
-        (void)arg_word(a, wavelets);
+        s->wavelet.kind = arg_word(a, wavelets) == 1 ? WAVELET_BUTTERFLY : WAVELET_LINEAR;
     } else if (strcmp(o, "--unlifted") == 0) {
-        s->unlifted = true;
+        s->wavelet.lifted = false;
+    } else if (strcmp(o, "--threshold") == 0) {
+        s->rule = arg_word(a, rules) == 1 ? THRESHOLD_GLOBAL : THRESHOLD_COLUMN;
+    } else if (strcmp(o, "--table-mb") == 0) {
+        s->table_mb = arg_double(a, 0);
+        if (!(s->table_mb >= 0 && s->table_mb <= 4000)) {
+            die(EXIT_USAGE, "%s: %s is out of range: need 0 to 4000", a->where, a->value[0]);
+        }
+    } else if (strcmp(o, "--constraint-level") == 0) {
+        s->constraint_level = arg_u32(a, 0, 0, PALP_MAX_LEVELS - 1);
+        s->level_chosen = true;
     } else if (strcmp(o, "--epsilon") == 0) {
         s->epsilon = arg_double(a, 0);
         if (!(s->epsilon >= 0 && s->epsilon < 1)) {
@@ -154,8 +175,12 @@ static void set_option(void *context, const argument *a) {
 
 /* The command line; when it names a model file, that file first and the command line over it. */
 static bake_spec read_spec(int argc, char **argv) {
-    const bake_spec defaults = {
-        .levels = 3, .poisson = (double)NAN, .density = 1000, .epsilon = 0.05};
+    const bake_spec defaults = {.levels = 3,
+                                .poisson = (double)NAN,
+                                .density = 1000,
+                                .epsilon = 0.05,
+                                .table_mb = 8,
+                                .wavelet = {.kind = WAVELET_LINEAR, .lifted = true}};
     bake_spec s = defaults;
     args_parse(argc, argv, options, help, set_option, &s);
     const char *input = s.input;
@@ -298,65 +323,70 @@ static mesh prepare_mesh(const bake_spec *s) {
         die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels",
             s->mesh_path, m.vertices, PALP_MAX_NODES);
     }
-    double need = 3 * 72.0 * m.vertices * m.vertices * 1.05;
-    double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
-    if (need > have) {
-        die(EXIT_WORK,
-            "%s: %" PRIu32
-            " vertices need %.1f GB of memory, this machine has %.1f GB: use --levels",
-            s->mesh_path, m.vertices, need * 1e-9, have * 1e-9);
-    }
     return m;
 }
 
-static void stiffness_range(const greens *g, double (*normal)[3], palp_meta *meta) {
-    double low = HUGE_VAL, high = 0;
-    for (uint32_t i = 0; i < g->nodes; i++) {
-        if (g->fixed[i] != 0) continue;
-        double compliance = 0;
-        for (size_t a = 0; a < 3; a++) {
-            for (size_t b = 0; b < 3; b++)
-                compliance += normal[i][a] * greens_row(g, i, a)[3 * i + b] * normal[i][b];
+/* Bytes that the dense matrices of a bake with that many load columns take. */
+static double memory_need(const mesh *m, double columns) {
+    double n = m->vertices;
+    return columns < n ? 72 * n * (n + 2 * columns) * 1.05 : 3 * 72 * n * n * 1.05;
+}
+
+static uint32_t choose_constraint_level(const bake_spec *s, const mesh *m, const domains *d) {
+    const palp_domain *f = &d->domain[PALP_FREE].view;
+    uint32_t level = f->levels - 1;
+    if (s->level_chosen) {
+        if (s->constraint_level > level) {
+            die(EXIT_USAGE, "--constraint-level: the mesh has the levels 0 to %" PRIu32, level);
         }
-        low = fmin(low, 1 / compliance);
-        high = fmax(high, 1 / compliance);
+        level = s->constraint_level;
     }
-    meta->stiffness_min_N_per_m = (float)low;
-    meta->stiffness_max_N_per_m = (float)high;
+    double columns = level + 1 < f->levels ? f->level_start[level + 1] : m->vertices;
+    double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+    if (memory_need(m, columns) > have) {
+        die(EXIT_WORK,
+            "%s: %" PRIu32
+            " vertices need %.1f GB of memory, this machine has %.1f GB: use --levels%s",
+            s->mesh_path, m->vertices, memory_need(m, columns) * 1e-9, have * 1e-9,
+            f->levels > 1 ? ", or --constraint-level for Green's functions of coarse levels only"
+                          : "");
+    }
+    return level;
 }
 
-/* The blob without softening is opened to measure how much it needs, then written again with it. */
-static uint8_t *serialize_softened(blob_content *content, size_t *bytes) {
-    palp_blob opened;
-    uint8_t *blob = blob_serialize(content, bytes);
-    palp_status status = palp_blob_open(&opened, blob, *bytes);
-    if (status != PALP_OK) {
-        die(EXIT_WORK, "the finished blob does not open: %s (are the units metres and pascals?)",
-            palp_status_text(status));
-    }
-    float *softening = allocate(content->m->vertices, sizeof *softening);
-    soften_report r = soften(&opened, softening);
-    if (!(r.mu > 0)) return blob;
-    fprintf(stderr,
-            "contact softened by up to %.2g of a node's own compliance, to stay passive on thin "
-            "parts at epsilon "
-            "%g%s\n",
-            r.largest, (double)content->meta.epsilon,
-            r.largest > 0.5 ? ": a smaller --epsilon lowers it" : "");
-    free(blob);
-    content->softening = softening;
-    return blob_serialize(content, bytes);
-}
-
-static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *fixed) {
+static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *fixed,
+                             const domains *d, uint32_t level) {
+    bool coarse = level + 1 < d->domain[PALP_FREE].view.levels;
+    if (s->compliance != NULL && coarse)
+        die(EXIT_USAGE, "--constraint-level is for the solver, not for --compliance");
     if (s->compliance != NULL) return greens_from_npy(s->compliance, m, fixed);
     bem_material material = {
         .young_Pa = s->young_Pa, .poisson = s->poisson, .tolerance = BEM_TOLERANCE};
+    if (coarse) return greens_coarse_from_bem(m, fixed, &material, s->density, &d->h, level);
     return greens_from_bem(m, fixed, &material, s->density);
 }
 
-static void report(FILE *f, const palp_meta *m, size_t bytes, double seconds) {
-    double free_nodes = m->domain_nodes[PALP_FREE];
+static void report_softening(const built *b, double epsilon) {
+    if (!(b->softened > 0)) return;
+    fprintf(stderr,
+            "contact softened by up to %.2g of a node's own compliance, to "
+            "stay passive on thin parts at epsilon %g%s\n",
+            b->softened, epsilon, b->softened > 0.5 ? ": a smaller --epsilon lowers it" : "");
+}
+
+/* Most memory that the process has had, in bytes. */
+static double peak_memory(void) {
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return 1024.0 * (double)usage.ru_maxrss;
+}
+
+static void report(FILE *f, const built *b, double seconds) {
+    const palp_meta *m = &b->meta;
+    palp_blob blob;
+    if (palp_blob_open(&blob, b->bytes, b->size) != PALP_OK) return;
+    double columns = blob.level[m->constraint_level].nodes;
+    double rows = m->domain_nodes[PALP_FREE];
     fprintf(f,
             "nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed), %" PRIu32
             " level(s)\n",
@@ -367,12 +397,30 @@ static void report(FILE *f, const palp_meta *m, size_t bytes, double seconds) {
         fprintf(f, "equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     }
     fprintf(f, "compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
-            free_nodes * free_nodes / (double)m->free_blocks, (double)m->epsilon,
-            (double)m->rms_error, (double)m->max_error);
+            rows * columns / (double)m->free_blocks, (double)m->epsilon, (double)m->rms_error,
+            (double)m->max_error);
     fprintf(f, "node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
             (double)m->stiffness_max_N_per_m);
-    fprintf(f, "blob                  %zu bytes\n", bytes);
-    fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s)\n", seconds, thread_count());
+    fprintf(f, "constraint levels    ");
+    for (uint32_t l = 0; l <= m->constraint_level; l++) {
+        fprintf(f, " %" PRIu32 ": %" PRIu32 " nodes%s", l, blob.level[l].nodes,
+                blob.level[l].table != NULL ? " (table)" : "");
+    }
+    fprintf(f, "\nblob                  %zu bytes\n", b->size);
+    fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s), peak memory %.2f GB\n",
+            seconds, thread_count(), peak_memory() * 1e-9);
+}
+
+/* Scalars that the mesh file and the options give the blob. */
+static palp_meta describe(const bake_spec *s) {
+    palp_meta meta = {.young_Pa = (float)s->young_Pa,
+                      .poisson = (float)s->poisson,
+                      .density_kg_m3 = (float)s->density};
+    size_t bytes;
+    char *file = read_file(s->mesh_path, &bytes);
+    sha256(file, bytes, meta.mesh_sha256);
+    free(file);
+    return meta;
 }
 
 int command_bake(int argc, char **argv) {
@@ -387,48 +435,18 @@ int command_bake(int argc, char **argv) {
     double *area = allocate(m.vertices, sizeof *area);
     double(*normal)[3] = allocate(m.vertices, sizeof *normal);
     mesh_nodal(&m, area, normal);
-    semireg levels = semireg_detect(&m);
-    greens g = compute_greens(&s, &m, fixed);
-    greens_reciprocity(&g, &m, !s.raw);
-
-    blob_content content = {.m = &m, .fixed = fixed, .area = area, .normal = normal};
-    domain_data domain[PALP_DOMAINS];
-    columns_data columns[PALP_DOMAINS][PALP_DOMAINS];
-    for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
-        domain[d] = domain_build(&m, &levels, fixed, d, area, !s.unlifted);
-        content.domain[d] = &domain[d];
-    }
-    for (uint32_t r = 0; r < PALP_DOMAINS; r++) {
-        for (uint32_t c = 0; c < PALP_DOMAINS; c++) {
-            if ((r != PALP_FREE || c != PALP_FREE) && !g.reactions) continue;
-            columns[r][c] =
-                columns_build(&g, &domain[r], &domain[c], r, c, area, s.epsilon, s.half);
-            content.columns[r][c] = &columns[r][c];
-        }
-    }
-    const columns_data *main_block = &columns[PALP_FREE][PALP_FREE];
-    content.meta = (palp_meta){
-        .flags = (s.unlifted ? 0 : PALP_META_LIFTED) | (s.raw ? 0 : PALP_META_SYMMETRIC) |
-                 (g.gravity ? PALP_META_GRAVITY : 0) | (s.half ? PALP_META_HALF : 0) |
-                 (g.reactions ? PALP_META_FIXED_COLUMNS | PALP_META_REACTIONS : 0),
-        .free_blocks = main_block->blocks,
-        .max_groups = main_block->max_groups,
-        .young_Pa = (float)s.young_Pa,
-        .poisson = (float)s.poisson,
-        .density_kg_m3 = (float)s.density,
-        .epsilon = (float)s.epsilon,
-        .rms_error = (float)main_block->rms,
-        .max_error = (float)main_block->max,
-        .reciprocity_residual = (float)g.reciprocity_residual,
-        .equilibrium_residual = (float)g.equilibrium_residual};
-    stiffness_range(&g, normal, &content.meta);
-    size_t bytes;
-    char *file = read_file(s.mesh_path, &bytes);
-    sha256(file, bytes, content.meta.mesh_sha256);
-    free(file);
-    uint8_t *blob = serialize_softened(&content, &bytes);
-    if (fwrite(blob, 1, bytes, out.file) != bytes) die(EXIT_WORK, "cannot write %s", s.output);
+    build_options build = {.wavelet = s.wavelet,
+                           .compress = {.epsilon = s.epsilon, .rule = s.rule, .half = s.half},
+                           .table_bytes = s.table_mb * 1e6,
+                           .raw = s.raw};
+    domains d = domains_build(&m, fixed, area, build.wavelet);
+    build.constraint_level = choose_constraint_level(&s, &m, &d);
+    greens g = compute_greens(&s, &m, fixed, &d, build.constraint_level);
+    if (g.basis_count == 0) greens_reciprocity(&g, &m, !s.raw);
+    built b = blob_build(&m, &g, &d, area, normal, describe(&s), &build);
+    report_softening(&b, s.epsilon);
+    if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
-    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &content.meta, bytes, now_s() - start);
+    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, now_s() - start);
     return EXIT_SUCCESS;
 }

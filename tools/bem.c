@@ -236,6 +236,8 @@ typedef struct {
     double *h, *g;
     size_t h_stride, g_stride;
     const bem_traction *traction;
+    bem_taker take; /* NULL: rows stay in h and g */
+    void *take_context;
 } assembly;
 
 static const int symmetric_index[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
@@ -257,9 +259,9 @@ static void blocks_from_moments(const hat_moments *m, const double normal[3], do
     }
 }
 
-static void add_block(double *matrix, size_t stride, size_t row, size_t column, double b[3][3]) {
+static void add_block(double *rows, size_t stride, size_t column, double b[3][3]) {
     for (size_t i = 0; i < 3; i++) {
-        for (size_t j = 0; j < 3; j++) matrix[(3 * row + i) * stride + 3 * column + j] += b[i][j];
+        for (size_t j = 0; j < 3; j++) rows[i * stride + 3 * column + j] += b[i][j];
     }
 }
 
@@ -276,15 +278,16 @@ static void add_traction(const bem_traction *p, size_t node, const double y[3], 
     }
 }
 
-static void assemble_node(void *context, size_t node) {
-    const assembly *a = context;
+/* The three rows of `node` of H and G. */
+static void assemble_rows(const assembly *a, size_t node, double *h, size_t h_stride, double *g,
+                          size_t g_stride) {
     const mesh *m = a->m;
     size_t order = 3 * (size_t)m->vertices;
     double poisson = a->material->poisson;
     double shear = a->material->young_Pa / (2 * (1 + poisson));
-    for (size_t row = 3 * node; row < 3 * node + 3; row++) {
-        memset(a->h + row * a->h_stride, 0, order * sizeof(double));
-        memset(a->g + row * a->g_stride, 0, order * sizeof(double));
+    for (size_t row = 0; row < 3; row++) {
+        memset(h + row * h_stride, 0, order * sizeof(double));
+        memset(g + row * g_stride, 0, order * sizeof(double));
     }
     for (uint32_t i = 0; i < m->triangles; i++) {
         const element *e = &a->elements[i];
@@ -303,11 +306,11 @@ static void assemble_node(void *context, size_t node) {
             double u[3][3], t[3][3];
             uint32_t vertex = m->t[i][k];
             blocks_from_moments(&moments[k], e->normal, poisson, shear, u, t);
-            add_block(a->g, a->g_stride, node, vertex, u);
+            add_block(g, g_stride, vertex, u);
             if (vertex != node) {
-                add_block(a->h, a->h_stride, node, vertex, t);
+                add_block(h, h_stride, vertex, t);
                 for (int p = 0; p < 9; p++) t[p / 3][p % 3] = -t[p / 3][p % 3];
-                add_block(a->h, a->h_stride, node, node, t);
+                add_block(h, h_stride, node, t);
             }
             if (a->traction != NULL && a->traction->mask[vertex] != 0) {
                 add_traction(a->traction, node, m->x[vertex], e, u);
@@ -317,8 +320,23 @@ static void assemble_node(void *context, size_t node) {
     progress_add(1);
 }
 
-void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride,
-                  double *g, size_t g_stride, const bem_traction *traction) {
+static void assemble_node(void *context, size_t node) {
+    const assembly *a = context;
+    assemble_rows(a, node, a->h + 3 * node * a->h_stride, a->h_stride,
+                  a->g + 3 * node * a->g_stride, a->g_stride);
+}
+
+static void stream_node(void *context, size_t node) {
+    const assembly *a = context;
+    size_t order = 3 * (size_t)a->m->vertices;
+    double *h = allocate(6 * order, sizeof *h);
+    assemble_rows(a, node, h, order, h + 3 * order, order);
+    a->take(a->take_context, node, h, h + 3 * order);
+    free(h);
+}
+
+static void assemble(assembly *a) {
+    const mesh *m = a->m;
     prepare_rules();
     element *elements = allocate(m->triangles, sizeof *elements);
     for (uint32_t i = 0; i < m->triangles; i++) {
@@ -328,20 +346,32 @@ void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t
         e->area = 0.5 * v_norm(e->normal);
         v_normalize(e->normal);
     }
+    a->elements = elements;
+    if (a->traction != NULL) {
+        memset(a->traction->result, 0,
+               3 * (size_t)m->vertices * a->traction->columns * sizeof *a->traction->result);
+    }
+    progress_begin("boundary integrals", m->vertices);
+    parallel_for(m->vertices, a->take != NULL ? stream_node : assemble_node, a);
+    progress_end();
+    free(elements);
+}
+
+void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride,
+                  double *g, size_t g_stride, const bem_traction *traction) {
     assembly a = {.m = m,
                   .material = material,
-                  .elements = elements,
                   .h = h,
                   .g = g,
                   .h_stride = h_stride,
                   .g_stride = g_stride,
                   .traction = traction};
-    if (traction != NULL) {
-        memset(traction->result, 0,
-               3 * (size_t)m->vertices * traction->columns * sizeof *traction->result);
-    }
-    progress_begin("boundary integrals", m->vertices);
-    parallel_for(m->vertices, assemble_node, &a);
-    progress_end();
-    free(elements);
+    assemble(&a);
+}
+
+void bem_stream(const mesh *m, const bem_material *material, bem_taker take, void *context,
+                const bem_traction *traction) {
+    assembly a = {
+        .m = m, .material = material, .traction = traction, .take = take, .take_context = context};
+    assemble(&a);
 }

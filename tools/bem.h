@@ -40,6 +40,12 @@ typedef struct {
 void bem_assemble(const mesh *m, const bem_material *material, double *h, size_t h_stride,
                   double *g, size_t g_stride, const bem_traction *traction);
 
+/* Hands the three rows [3][3n] of each node to `take`, from several threads, instead of keeping
+ * them: H and G need not fit in memory. The rows of traction->result are complete by then. */
+typedef void (*bem_taker)(void *context, size_t node, const double *h, const double *g);
+void bem_stream(const mesh *m, const bem_material *material, bem_taker take, void *context,
+                const bem_traction *traction);
+
 /* Nodes and weights of the n-point Gauss-Legendre rule on [0, 1], n <= 32. */
 void gauss_legendre(uint32_t n, double *node, double *weight);
 

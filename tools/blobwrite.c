@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MAX_SECTIONS 96
+#define MAX_SECTIONS 160
 
 typedef struct {
     palp_blob_entry entry[MAX_SECTIONS];
@@ -84,16 +84,40 @@ static void add_domain(section_list *l, uint32_t which, const domain_data *d) {
     add(l, PALP_SEC_UPDATE + which, d->update, n, 8);
     add(l, PALP_SEC_CHILD_OFFSET + which, d->child_offset, n + 1, 4);
     add(l, PALP_SEC_CHILD + which, d->child, d->child_offset[n], 4);
+    if (d->stencil_offset == NULL) return;
+    add(l, PALP_SEC_STENCIL_OFFSET + which, d->stencil_offset, n + 1, 4);
+    add(l, PALP_SEC_STENCIL + which, d->stencil, d->stencil_offset[n], 4);
+    add(l, PALP_SEC_STENCIL_WEIGHT + which, d->stencil_weight, d->stencil_offset[n], 4);
 }
 
-static void add_columns(section_list *l, uint32_t block, const columns_data *c) {
+/* Four sections, `step` apart. */
+static void add_columns(section_list *l, uint32_t type, uint32_t step, const columns_data *c) {
     uint64_t groups = c->offset[c->view.columns];
     size_t width = c->half != NULL ? 2 : 4;
-    add(l, PALP_SEC_COL_OFFSET + block, c->offset, c->view.columns + 1u, 4);
-    add(l, PALP_SEC_COL_INDEX + block, c->index, groups, PALP_LANES * 2);
-    add(l, PALP_SEC_COL_VALUE + block, c->half != NULL ? (void *)c->half : (void *)c->value, groups,
+    add(l, type, c->offset, c->view.columns + 1u, 4);
+    add(l, type + step, c->index, groups, PALP_LANES * 2);
+    add(l, type + 2 * step, c->half != NULL ? (void *)c->half : (void *)c->value, groups,
         PALP_GROUP_VALUES * width);
-    add(l, PALP_SEC_COL_SCALE + block, c->scale, c->view.columns, 4);
+    add(l, type + 3 * step, c->scale, c->view.columns, 4);
+}
+
+/* Areas of every level one after the other; returns them, to be freed. */
+static float *add_levels(section_list *l, const blob_content *c) {
+    const palp_domain *d = &c->domain[PALP_FREE]->view;
+    size_t count = 0;
+    for (uint32_t k = 0; k < d->levels; k++) count += d->level_start[k + 1];
+    float *area = allocate(count, sizeof *area), *at = area;
+    for (uint32_t k = 0; k < d->levels; k++) {
+        uint32_t nodes = d->level_start[k + 1], type = PALP_LEVEL_STRIDE * k;
+        for (uint32_t i = 0; i < nodes; i++) *at++ = (float)c->h->area[k][i];
+        if (c->coarse[k] != NULL) add_columns(l, PALP_SEC_LEVEL_OFFSET + type, 1, c->coarse[k]);
+        if (c->table[k] != NULL) {
+            add(l, PALP_SEC_LEVEL_TABLE + type, c->table[k], (uint64_t)nodes * (nodes + 1u) / 2,
+                36);
+        }
+    }
+    add(l, PALP_SEC_LEVEL_AREA, area, count, 4);
+    return area;
 }
 
 /* Insertion sort by type: the table must ascend. */
@@ -154,7 +178,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     bounding_box(m, meta);
     mesh_rings(m, &ring_offset, &ring);
     build_grid(m, meta, &cell_offset, &cell_node);
-    meta->max_ring = meta->max_row = 0;
+    meta->max_ring = 0;
+    meta->max_row = c->max_row;
     for (uint32_t i = 0; i < m->vertices; i++) {
         uint32_t valence = ring_offset[i + 1] - ring_offset[i];
         if (valence > meta->max_ring) meta->max_ring = valence;
@@ -176,6 +201,7 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     add(&l, PALP_SEC_AREA, area, m->vertices, 4);
     float *none = allocate(m->vertices, sizeof *none);
     add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
+    float *level_area = add_levels(&l, c);
     add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);
     add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
     add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);
@@ -186,10 +212,14 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) add_domain(&l, d, c->domain[d]);
     for (uint32_t block = 0; block < PALP_DOMAINS * PALP_DOMAINS; block++) {
         const columns_data *columns = c->columns[block / PALP_DOMAINS][block % PALP_DOMAINS];
-        if (columns != NULL) add_columns(&l, block, columns);
+        if (columns != NULL) {
+            add_columns(&l, PALP_SEC_COL_OFFSET + block, PALP_SEC_COL_INDEX - PALP_SEC_COL_OFFSET,
+                        columns);
+        }
     }
     uint8_t *blob = lay_out(&l, bytes);
-    void *temporary[] = {ring_offset, ring, cell_offset, cell_node, slot, none, rest, normal, area};
+    void *temporary[] = {ring_offset, ring, cell_offset, cell_node, slot,
+                         none,        rest, normal,      area,      level_area};
     for (size_t i = 0; i < sizeof temporary / sizeof temporary[0]; i++) free(temporary[i]);
     return blob;
 }

@@ -4,6 +4,7 @@
 #define PALP_TOOLS_BLOBWRITE_H
 
 #include "compress.h"
+#include "hierarchy.h"
 
 /* Everything that one blob of an elastostatic body holds; pointers are borrowed. */
 typedef struct {
@@ -12,7 +13,11 @@ typedef struct {
     const double *area;
     double (*normal)[3];
     const float *softening; /* [nodes]; NULL: none */
-    palp_meta meta;         /* material, options, errors; counts and grid are filled in here */
+    const hierarchy *h;
+    const columns_data *coarse[PALP_MAX_LEVELS]; /* levels below the constraint level */
+    const float *table[PALP_MAX_LEVELS];         /* NULL: not stored */
+    uint32_t max_row;                            /* at least; 0: that of the domains */
+    palp_meta meta; /* material, options, errors; counts and grid are filled in here */
     const domain_data *domain[PALP_DOMAINS];
     const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */
 } blob_content;

@@ -1,45 +1,51 @@
 /* SPDX-License-Identifier: MIT */
-/* Wavelet domains and thresholded GF columns (MR 4.3-4.5), in the form in which the blob holds
+/* Wavelet-transformed, thresholded GF columns (MR 4.4-4.5), in the form in which the blob holds
  * them. */
 #ifndef PALP_TOOLS_COMPRESS_H
 #define PALP_TOOLS_COMPRESS_H
 
-#include "core/blob/blob.h"
-#include "greens.h"
-#include "semireg.h"
-
-/* Owns the arrays that `view` points to. */
-typedef struct {
-    palp_domain view;
-    uint32_t *node, *level_start, *parent, *child_offset, *child;
-    float *predict, *update;
-    uint32_t max_row; /* longest row of W^-1 */
-} domain_data;
+#include "domain.h"
 
 /*
- * The domain of the nodes with fixed[i] == `fixed`. Beyond the border of the free domain the field
- * is taken as zero, which it is at fixed nodes; at the border of the fixed domain weights are
- * renormalised.
+ * Dense block columns: column j is the three matrix columns from first[j] on; rows run over all
+ * nodes, three each. The first `counted` columns enter errors and counts, later ones (gravity) do
+ * not.
  */
-domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, uint32_t which,
-                         const double *area, bool lifted);
+typedef struct {
+    const double *m;
+    size_t width;
+    const size_t *first; /* [columns] */
+    uint32_t columns, counted;
+} gf_source;
+
+/*
+ * THRESHOLD_COLUMN is MR 31-33: a detail is dropped below epsilon_l times the largest block of its
+ * own column. THRESHOLD_GLOBAL measures every column against the same amplitude, the root mean
+ * square of those maxima, which for a given number of blocks lowers the RMS error (MR 70).
+ */
+typedef enum { THRESHOLD_COLUMN, THRESHOLD_GLOBAL } threshold_rule;
+
+typedef struct {
+    double epsilon;
+    threshold_rule rule;
+    bool half;
+    bool measure_only; /* errors and counts, no stored columns */
+} compress_options;
 
 typedef struct {
     palp_columns view;
     uint32_t *offset;
     uint16_t *index, *half;
     float *value, *scale;
-    uint64_t blocks;     /* stored blocks without padding and without the gravity column */
-    uint32_t max_groups; /* longest column, gravity apart */
-    double rms, max;     /* MR 70 and 71 against the matrix that came in, gravity apart */
+    uint64_t blocks;     /* stored blocks of the counted columns, without padding */
+    uint32_t max_groups; /* longest counted column */
+    double rms, max;     /* MR 70 and 71 against the matrix that came in, counted columns */
 } columns_data;
 
-/*
- * Transforms and thresholds the block (row domain, column domain) of `g`; a free column domain gets
- * the gravity response as its last column. Rows of fixed nodes are stored as tractions.
- */
-columns_data columns_build(const greens *g, const domain_data *row, const domain_data *column,
-                           uint32_t row_domain, uint32_t column_domain, const double *area,
-                           double epsilon, bool half);
+/* Transforms and thresholds. Rows of the fixed domain are stored as tractions: `area` is that of
+ * the nodes then, NULL for the free domain. */
+columns_data columns_build(const gf_source *source, const domain_data *row, const double *area,
+                           compress_options options);
+void columns_free(columns_data *d);
 
 #endif

@@ -20,6 +20,7 @@ typedef struct {
     const double *area;
     double *h, *g;
     size_t h_stride, g_stride;
+    size_t gravity; /* first of the three gravity columns of g */
 } rbvp;
 
 static void swap_columns(void *context, size_t row) {
@@ -75,7 +76,7 @@ static void gravity_columns(const rbvp *p, const double *body, const double orig
                 /* columns of U in R hold -H already, and u^h = -u^p there */
                 for (size_t k = 0; k < 3; k++) sum -= p->g[row * p->g_stride + 3 * j + k] * u[k];
             }
-            p->g[row * p->g_stride + 3 * n + axis] = density * sum;
+            p->g[row * p->g_stride + p->gravity + axis] = density * sum;
         }
     }
 }
@@ -89,7 +90,7 @@ static void add_particular(const rbvp *p, const double origin[3], double density
             v_sub(p->m->x[i], origin, y);
             particular_displacement(p->material, y, axis, u);
             for (size_t k = 0; k < 3; k++)
-                p->g[(3 * i + k) * p->g_stride + 3 * n + axis] += density * u[k];
+                p->g[(3 * i + k) * p->g_stride + p->gravity + axis] += density * u[k];
         }
     }
     for (uint32_t t = 0; t < p->m->triangles; t++) {
@@ -104,7 +105,7 @@ static void add_particular(const rbvp *p, const double origin[3], double density
                     sum += (k == c ? 2 : 1) * (p->m->x[v[k]][axis] - origin[axis]);
                 }
                 for (size_t k = 0; k < 3; k++) {
-                    p->g[(3 * v[c] + k) * p->g_stride + 3 * n + axis] -=
+                    p->g[(3 * v[c] + k) * p->g_stride + p->gravity + axis] -=
                         density * 0.5 * normal[k] * sum / 12;
                 }
             }
@@ -125,8 +126,9 @@ static void forces_from_tractions(const rbvp *p) {
  */
 static double equilibrium_residual(const greens *g) {
     double worst = 0;
-    for (size_t j = 0; j < g->nodes; j++) {
-        if (g->fixed[j] != 0) continue;
+    size_t columns = g->basis_count > 0 ? g->basis_count : g->nodes;
+    for (size_t j = 0; j < columns; j++) {
+        if (g->basis_count == 0 && g->fixed[j] != 0) continue;
         for (size_t c = 0; c < 3; c++) {
             double sum[3] = {0};
             sum[c] = 1;
@@ -140,40 +142,19 @@ static double equilibrium_residual(const greens *g) {
     return worst;
 }
 
-greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
-                       double density_kg_m3) {
-    size_t n = m->vertices;
-    size_t order = 3 * n;
-    double origin[3] = {0};
-    rbvp p = {
-        .m = m, .fixed = fixed, .material = material, .h_stride = order, .g_stride = order + 3};
-    double *area = allocate(n, sizeof *area);
-    double(*normal)[3] = allocate(n, sizeof *normal);
-    mesh_nodal(m, area, normal);
-    free(normal);
-    p.area = area;
-    for (size_t i = 0; i < n; i++) {
-        for (int k = 0; k < 3; k++) origin[k] += m->x[i][k] / (double)n;
+static void find_center(const mesh *m, double origin[3]) {
+    memset(origin, 0, 3 * sizeof *origin);
+    for (size_t i = 0; i < m->vertices; i++) {
+        for (int k = 0; k < 3; k++) origin[k] += m->x[i][k] / (double)m->vertices;
     }
-    uint8_t *loaded = allocate(n, 1);
-    for (size_t i = 0; i < n; i++) loaded[i] = fixed[i] == 0;
-    double *body = allocate(3 * order, sizeof *body);
-    p.h = allocate_aligned(order * order, sizeof *p.h);
-    p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
-    bem_traction traction = {.columns = 3,
-                             .at = hydrostatic_traction,
-                             .context = origin,
-                             .mask = loaded,
-                             .result = body};
-    bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
-    parallel_for(order, swap_columns, &p);
-    gravity_columns(&p, body, origin, density_kg_m3);
-    free(body);
-    free(loaded);
+}
 
+/* Factors p->h and solves for every column of p->g. */
+static void solve_columns(const rbvp *p) {
+    size_t order = p->h_stride;
     uint32_t *perm = allocate(order, sizeof *perm);
     progress_begin("LU factorisation", (double)order * (double)order * (double)order / 3);
-    size_t bad = dense_lu(p.h, order, order, perm);
+    size_t bad = dense_lu(p->h, order, order, perm);
     progress_end();
     if (bad < order) {
         die(EXIT_WORK,
@@ -183,9 +164,58 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
             bad / 3);
     }
     progress_begin("Green's functions", 1);
-    dense_lu_solve(p.h, order, order, perm, p.g, p.g_stride, p.g_stride);
+    dense_lu_solve(p->h, order, order, perm, p->g, p->g_stride, p->g_stride);
     progress_end();
     free(perm);
+}
+
+/* Assembles with `traction` bound to the free nodes' part of the particular solution. */
+static bem_traction particular_load(const double *origin, const uint8_t *loaded, double *body) {
+    return (bem_traction){.columns = 3,
+                          .at = hydrostatic_traction,
+                          .context = origin,
+                          .mask = loaded,
+                          .result = body};
+}
+
+static uint8_t *free_mask(const mesh *m, const uint8_t *fixed) {
+    uint8_t *loaded = allocate(m->vertices, 1);
+    for (size_t i = 0; i < m->vertices; i++) loaded[i] = fixed[i] == 0;
+    return loaded;
+}
+
+static double *nodal_area(const mesh *m) {
+    double *area = allocate(m->vertices, sizeof *area);
+    double(*normal)[3] = allocate(m->vertices, sizeof *normal);
+    mesh_nodal(m, area, normal);
+    free(normal);
+    return area;
+}
+
+greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                       double density_kg_m3) {
+    size_t order = 3 * (size_t)m->vertices;
+    double origin[3];
+    double *area = nodal_area(m);
+    rbvp p = {.m = m,
+              .fixed = fixed,
+              .material = material,
+              .area = area,
+              .h_stride = order,
+              .g_stride = order + 3,
+              .gravity = order};
+    find_center(m, origin);
+    uint8_t *loaded = free_mask(m, fixed);
+    double *body = allocate(3 * order, sizeof *body);
+    p.h = allocate_aligned(order * order, sizeof *p.h);
+    p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
+    bem_traction traction = particular_load(origin, loaded, body);
+    bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
+    parallel_for(order, swap_columns, &p);
+    gravity_columns(&p, body, origin, density_kg_m3);
+    free(body);
+    free(loaded);
+    solve_columns(&p);
     free(p.h);
     forces_from_tractions(&p);
     add_particular(&p, origin, density_kg_m3);
@@ -196,6 +226,91 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
                 .fixed = fixed,
                 .gravity = true,
                 .reactions = true};
+    g.equilibrium_residual = equilibrium_residual(&g);
+    return g;
+}
+
+/* ---- coarse loads only ---- */
+
+typedef struct {
+    const rbvp *p;
+    const hierarchy *h;
+    uint32_t level;
+    const double *origin, *body;
+    double density;
+} coarse_rows;
+
+/* Rows of A, and of the right-hand sides: forces on the nodes of F, gathered down to the level. */
+static void take_rows(void *context, size_t node, const double *h, const double *g) {
+    const coarse_rows *c = context;
+    const rbvp *p = c->p;
+    size_t n = p->m->vertices, order = 3 * n;
+    const palp_domain *d = &c->h->domain;
+    double *force = allocate(3 * (size_t)d->slots, sizeof *force);
+    for (size_t axis = 0; axis < 3; axis++) {
+        double *a = p->h + (3 * node + axis) * p->h_stride;
+        double *r = p->g + (3 * node + axis) * p->g_stride;
+        double known[3] = {0}; /* H of U times the particular displacement there */
+        for (size_t j = 0; j < order; j++) {
+            bool held = p->fixed[j / 3] != 0;
+            a[j] = held ? -g[axis * order + j] * p->material->young_Pa : h[axis * order + j];
+        }
+        for (size_t j = 0; j < n; j++) {
+            for (size_t b = 0; b < 3 && p->fixed[j] != 0; b++) {
+                double y[3], u[3];
+                v_sub(p->m->x[j], c->origin, y);
+                particular_displacement(p->material, y, b, u);
+                known[b] += v_dot(h + axis * order + 3 * j, u);
+            }
+        }
+        for (uint32_t i = 0; i < d->slots; i++) {
+            for (size_t k = 0; k < 3; k++)
+                force[3 * i + k] = g[axis * order + 3 * d->node[i] + k] / p->area[d->node[i]];
+        }
+        hierarchy_gather(c->h, d->levels - 1, c->level, force);
+        memcpy(r, force, p->gravity * sizeof *r);
+        for (size_t b = 0; b < 3; b++)
+            r[p->gravity + b] = c->density * (c->body[(3 * node + axis) * 3 + b] + known[b]);
+    }
+    free(force);
+}
+
+greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                              double density_kg_m3, const hierarchy *h, uint32_t level) {
+    size_t order = 3 * (size_t)m->vertices;
+    uint32_t count = h->domain.level_start[level + 1];
+    double origin[3];
+    double *area = nodal_area(m);
+    rbvp p = {.m = m,
+              .fixed = fixed,
+              .material = material,
+              .area = area,
+              .h_stride = order,
+              .g_stride = 3 * (size_t)count + 3,
+              .gravity = 3 * (size_t)count};
+    find_center(m, origin);
+    uint8_t *loaded = free_mask(m, fixed);
+    double *body = allocate(3 * order, sizeof *body);
+    p.h = allocate_aligned(order * order, sizeof *p.h);
+    p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
+    bem_traction traction = particular_load(origin, loaded, body);
+    coarse_rows rows = {
+        .p = &p, .h = h, .level = level, .origin = origin, .body = body, .density = density_kg_m3};
+    bem_stream(m, material, take_rows, &rows, &traction);
+    free(body);
+    free(loaded);
+    solve_columns(&p);
+    free(p.h);
+    forces_from_tractions(&p);
+    add_particular(&p, origin, density_kg_m3);
+    free(area);
+    greens g = {.nodes = m->vertices,
+                .width = p.g_stride,
+                .m = p.g,
+                .fixed = fixed,
+                .gravity = true,
+                .reactions = true,
+                .basis_count = count};
     g.equilibrium_residual = equilibrium_residual(&g);
     return g;
 }

@@ -8,6 +8,7 @@
 
 #include "bem.h"
 #include "definite.h"
+#include "hierarchy.h"
 
 /*
  * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the
@@ -21,6 +22,10 @@ typedef struct {
     double *m;    /* [3 nodes][width] */
     const uint8_t *fixed;
     bool gravity, reactions; /* what the matrix holds beyond the free-free block */
+    /* Loads on the basis functions of one level of the free domain instead: columns are the
+     * `basis_count` slots of that level, there are none of fixed nodes. 0: columns are the nodes.
+     */
+    uint32_t basis_count;
     double reciprocity_residual, equilibrium_residual;
     definite_report definite;
 } greens;
@@ -28,6 +33,14 @@ typedef struct {
 /* Solves the RBVP for every column. Exits when the system is singular. Cost: 8/3 (3n)^3 flops. */
 greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
                        double density_kg_m3);
+
+/*
+ * The same for loads on the basis functions of `level` only (MR 7.3): one matrix of order 3n and
+ * 3 n_level right-hand sides, made row by row, so that the finest columns are never formed.
+ * Memory: 72 n^2 bytes and the result.
+ */
+greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                              double density_kg_m3, const hierarchy *h, uint32_t level);
 
 /* Reads a .npy matrix: free-free (3 m x 3 m, mesh order) or full (3 n x 3 n, rows of fixed nodes
  * ignored). */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "args.h"
 #include "commands.h"
+#include "core/green/columns.h"
 #include "util.h"
 #include <inttypes.h>
 #include <stdlib.h>
@@ -38,6 +39,23 @@ palp_blob load_blob(const char *path) {
     return blob;
 }
 
+static uint64_t level_blocks(const palp_blob *b, uint32_t level) {
+    const palp_columns *c = &b->level[level].columns;
+    if (level == b->meta->constraint_level) return b->meta->free_blocks;
+    uint64_t blocks = 0;
+    for (uint32_t j = 0; j < b->level[level].nodes; j++) blocks += palp_columns_stored(c, j);
+    return blocks;
+}
+
+static uint64_t table_bytes(const palp_blob *b, uint32_t level) {
+    uint64_t n = b->level[level].nodes;
+    return b->level[level].table != NULL ? 36 * n * (n + 1) / 2 : 0;
+}
+
+static const char *wavelet_name(const palp_blob *b) {
+    return palp_blob_has(b, PALP_META_BUTTERFLY) ? "butterfly" : "linear";
+}
+
 static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
                        double compression) {
     const palp_meta *m = b->meta;
@@ -47,11 +65,10 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
            m->levels);
     printf(" \"young_pa\": %.9g, \"poisson\": %.9g, \"density_kg_m3\": %.9g, \"epsilon\": %.9g,\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3, (double)m->epsilon);
-    printf(
-        " \"wavelet\": \"linear\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
-        palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
-        palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
-        palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
+    printf(" \"wavelet\": \"%s\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
+           wavelet_name(b), palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
+           palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
+           palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
     printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.9g,\n", b->bytes,
            dense_bytes, compression);
     printf(" \"rms_error\": %.9g, \"max_error\": %.9g, \"reciprocity_residual\": %.9g, "
@@ -64,9 +81,13 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
     printf(" \"gravity\": %s, \"reactions\": %s,\n",
            palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
            palp_blob_has(b, PALP_META_REACTIONS) ? "true" : "false");
-    printf(" \"constraint_levels\": [{\"level\": %" PRIu32 ", \"nodes\": %" PRIu32
-           ", \"blocks\": %" PRIu64 ", \"table_bytes\": 0}]}\n",
-           m->levels - 1, m->domain_nodes[PALP_FREE], m->free_blocks);
+    printf(" \"constraint_levels\": [");
+    for (uint32_t l = 0; l <= m->constraint_level; l++) {
+        printf("%s{\"level\": %" PRIu32 ", \"nodes\": %" PRIu32 ", \"blocks\": %" PRIu64
+               ", \"table_bytes\": %" PRIu64 "}",
+               l > 0 ? ", " : "", l, b->level[l].nodes, level_blocks(b, l), table_bytes(b, l));
+    }
+    printf("]}\n");
 }
 
 static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
@@ -83,13 +104,19 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
     }
     printf("\nmaterial              Young %.9g Pa, Poisson %.4g, density %.9g kg/m3\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3);
-    printf("wavelet               linear %s, epsilon %g, %s storage\n",
+    printf("wavelet               %s %s, epsilon %g, %s storage\n", wavelet_name(b),
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
            palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
     printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
            compression, m->free_blocks, dense_bytes / 36, (double)m->rms_error,
            (double)m->max_error);
-    printf("reciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
+    printf("constraint levels     ");
+    for (uint32_t l = 0; l <= m->constraint_level; l++) {
+        printf("%s%" PRIu32 ": %" PRIu32 " nodes, %" PRIu64 " blocks", l > 0 ? "; " : "", l,
+               b->level[l].nodes, level_blocks(b, l));
+        if (b->level[l].table != NULL) printf(", table %" PRIu64 " bytes", table_bytes(b, l));
+    }
+    printf("\nreciprocity residual  %.4f %%%s\n", 100 * (double)m->reciprocity_residual,
            palp_blob_has(b, PALP_META_SYMMETRIC) ? ", enforced" : ", kept (raw)");
     printf("equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     printf("node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
@@ -106,8 +133,9 @@ int command_info(int argc, char **argv) {
     char sha[65];
     for (size_t i = 0; i < 32; i++) snprintf(sha + 2 * i, 3, "%02x", b.meta->mesh_sha256[i]);
     double free_nodes = b.meta->domain_nodes[PALP_FREE];
-    double dense_bytes = 36 * free_nodes * free_nodes;
-    double compression = free_nodes * free_nodes / (double)b.meta->free_blocks;
+    double columns = b.level[b.meta->constraint_level].nodes;
+    double dense_bytes = 36 * free_nodes * columns;
+    double compression = free_nodes * columns / (double)b.meta->free_blocks;
     (s.json ? print_json : print_text)(&b, sha, dense_bytes, compression);
     return EXIT_SUCCESS;
 }

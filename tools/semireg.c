@@ -9,14 +9,6 @@
 enum { UNKNOWN, EVEN, ODD };
 #define SEED_TRIES 8u
 
-/* Triangles around each vertex of the current level (vertex numbers stay those of the finest mesh).
- */
-typedef struct {
-    uint32_t vertices, triangles;
-    const uint32_t (*t)[3];
-    uint32_t *offset, *around;
-} level_mesh;
-
 static void build_around(level_mesh *m) {
     m->offset = allocate(m->vertices + 1u, sizeof *m->offset);
     m->around = allocate(3 * (size_t)m->triangles, sizeof *m->around);
@@ -34,10 +26,18 @@ static void build_around(level_mesh *m) {
     free(at);
 }
 
-static uint32_t valence(const level_mesh *m, uint32_t v) { return m->offset[v + 1] - m->offset[v]; }
+level_mesh level_mesh_of(const uint32_t (*t)[3], uint32_t triangles, uint32_t vertices) {
+    level_mesh m = {.vertices = vertices, .triangles = triangles, .t = t};
+    build_around(&m);
+    return m;
+}
 
-/* The vertex that follows `w` counter-clockwise in the ring of `v`. */
-static uint32_t ring_next(const level_mesh *m, uint32_t v, uint32_t w) {
+void level_mesh_free(level_mesh *m) {
+    free(m->offset);
+    free(m->around);
+}
+
+uint32_t ring_next(const level_mesh *m, uint32_t v, uint32_t w) {
     for (uint32_t i = m->offset[v]; i < m->offset[v + 1]; i++) {
         const uint32_t *t = m->t[m->around[i]];
         for (int k = 0; k < 3; k++) {
@@ -58,7 +58,7 @@ static bool propagate(const level_mesh *m, uint32_t seed, uint8_t *mark, uint32_
             const uint32_t *t = m->t[m->around[i]];
             int k = t[0] == v ? 0 : t[1] == v ? 1 : 2;
             uint32_t odd = t[(k + 1) % 3];
-            if (mark[odd] == EVEN || valence(m, odd) != 6) return false;
+            if (mark[odd] == EVEN || level_valence(m, odd) != 6) return false;
             mark[odd] = ODD;
             uint32_t w = v;
             for (int step = 1; step <= 5; step++) {
@@ -108,7 +108,7 @@ static bool find_even(const level_mesh *m, const uint8_t *present, uint8_t *mark
     uint32_t count = 0, first = 0;
     while (first < m->vertices && present[first] == 0) first++;
     for (uint32_t v = 0; v < m->vertices && count < 1; v++) {
-        if (present[v] != 0 && valence(m, v) != 6) tries[count++] = v;
+        if (present[v] != 0 && level_valence(m, v) != 6) tries[count++] = v;
     }
     if (count == 0) {
         /* A torus can be regular everywhere: one of a vertex and its neighbours must be even. */
@@ -142,13 +142,11 @@ semireg semireg_detect(const mesh *m) {
     uint32_t triangles = m->triangles;
     uint8_t steps = 0;
     while (triangles >= 16 && triangles % 4 == 0 && steps + 1u < PALP_MAX_LEVELS) {
-        level_mesh level = {.vertices = n, .triangles = triangles, .t = (const uint32_t(*)[3])t};
+        level_mesh level = level_mesh_of((const uint32_t(*)[3])t, triangles, n);
         uint32_t(*coarse)[3] = allocate(triangles / 4, sizeof *coarse);
-        build_around(&level);
         memcpy(old, s.parent, n * sizeof *old);
         bool found = find_even(&level, present, mark, queue) && coarsen(&level, mark, coarse, &s);
-        free(level.offset);
-        free(level.around);
+        level_mesh_free(&level);
         if (!found) {
             memcpy(s.parent, old, n * sizeof *old);
             free(coarse);

@@ -21,6 +21,20 @@ typedef struct {
 semireg semireg_detect(const mesh *m);
 void semireg_free(semireg *s);
 
+/* Triangles around each vertex of one level (vertex numbers stay those of the finest mesh). */
+typedef struct {
+    uint32_t vertices, triangles;
+    const uint32_t (*t)[3];
+    uint32_t *offset, *around;
+} level_mesh;
+level_mesh level_mesh_of(const uint32_t (*t)[3], uint32_t triangles, uint32_t vertices);
+void level_mesh_free(level_mesh *m);
+static inline uint32_t level_valence(const level_mesh *m, uint32_t v) {
+    return m->offset[v + 1] - m->offset[v];
+}
+/* The vertex that follows `w` counter-clockwise in the ring of `v`. */
+uint32_t ring_next(const level_mesh *m, uint32_t v, uint32_t w);
+
 /* Splits every triangle in four at the edge midpoints; new vertices are appended in edge order. */
 mesh subdivide_midpoint(const mesh *m);
 

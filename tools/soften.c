@@ -18,13 +18,34 @@ typedef struct {
     double *normal; /* [m][m] N before averaging: column j holds n_i . u_i under n_j */
 } normal_columns;
 
+/* Means under the hats of `level` from those of level + 1: w = R_l u. */
+static void average_level(const palp_blob *b, uint32_t level, float *x) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    const float *fine = b->level[level + 1].area_m2, *coarse = b->level[level].area_m2;
+    for (uint32_t k = 0; k < b->level[level].nodes; k++) {
+        for (uint32_t a = 0; a < 3; a++) x[PALP_FIELD_LANES * k + a] *= fine[k] / coarse[k];
+    }
+    for (uint32_t m = b->level[level].nodes; m < b->level[level + 1].nodes; m++) {
+        for (uint32_t side = 0; side < 2; side++) {
+            float w = d->predict[2 * m + side];
+            uint32_t p = d->parent[2 * m + side];
+            if (!(w > 0)) continue;
+            for (uint32_t a = 0; a < 3; a++)
+                x[PALP_FIELD_LANES * p + a] +=
+                    w * fine[m] / coarse[p] * x[PALP_FIELD_LANES * m + a];
+        }
+    }
+}
+
 static void fill_column(void *context, size_t j) {
     const normal_columns *c = context;
     const palp_domain *d = &c->blob->domain[PALP_FREE];
-    float *x = allocate(PALP_FIELD_LANES * c->m, sizeof *x);
-    palp_columns_add(&c->blob->columns[PALP_FREE][PALP_FREE], (uint32_t)j,
-                     c->blob->normal + 3 * d->node[j], x);
+    uint32_t level = c->blob->meta->constraint_level;
+    float *x = allocate(PALP_FIELD_LANES * (size_t)d->slots, sizeof *x);
+    palp_columns_add(&c->blob->level[level].columns, (uint32_t)j, c->blob->normal + 3 * d->node[j],
+                     x);
     palp_wavelet_inverse(d, x, d->levels - 1);
+    for (uint32_t l = d->levels - 1; l > level; l--) average_level(c->blob, l - 1, x);
     for (size_t i = 0; i < c->m; i++) {
         const float *n = c->blob->normal + 3 * d->node[i];
         const float *u = x + PALP_FIELD_LANES * i;
@@ -65,7 +86,7 @@ static double least_mu(const double *n, const double *amplitude, size_t m) {
 
 soften_report soften(const palp_blob *blob, float *softening) {
     const palp_domain *d = &blob->domain[PALP_FREE];
-    normal_columns c = {.blob = blob, .m = d->slots};
+    normal_columns c = {.blob = blob, .m = blob->level[blob->meta->constraint_level].nodes};
     c.normal = allocate_aligned(c.m * c.m, sizeof *c.normal);
     double *amplitude = allocate(c.m, sizeof *amplitude);
     progress_begin("contact definiteness", 1);

@@ -18,8 +18,8 @@ typedef struct {
     double largest; /* largest mu a_i / N_ii */
 } soften_report;
 
-/* Writes softening[nodes] (m/N, 0 at fixed nodes) for an opened blob. Cost: m columns, about ten LU
- * of order m. */
+/* Writes softening[nodes] (m/N, 0 off the constraint level) for an opened blob, from the columns of
+ * its constraint level. Cost: m columns, about ten LU of order m. */
 soften_report soften(const palp_blob *blob, float *softening);
 
 #endif

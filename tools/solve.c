@@ -18,15 +18,18 @@ static const char help[] =
     "  41,p,0,0,-100      traction (Pa)\n"
     "  55,free,,,         a fixed node released\n"
     "OUT.csv (default: standard output) gets node,ux,uy,uz,fx,fy,fz for every node.\n"
-    "--gravity takes an acceleration in m/s^2.\n";
+    "--gravity takes an acceleration in m/s^2.\n"
+    "--level imposes displacements on a coarser constraint level, in the mean under each hat, or\n"
+    "with --pairing collocated at its node.\n";
 
-static const option options[] = {
-    {"--set", 1}, {"-o", 1}, {"--level", 1}, {"--gravity", 3}, {NULL, 0}};
+static const option options[] = {{"--set", 1},     {"-o", 1},        {"--level", 1},
+                                 {"--pairing", 1}, {"--gravity", 3}, {NULL, 0}};
 
 typedef struct {
     const char *blob, *set, *output, *level, *level_where;
     palp_vec3 gravity;
     bool gravity_given;
+    palp_pairing pairing;
 } solve_spec;
 
 typedef struct {
@@ -47,6 +50,9 @@ static void set_option(void *context, const argument *a) {
         s->output = a->value[0];
     } else if (strcmp(a->option, "--level") == 0) {
         s->level = a->value[0];
+    } else if (strcmp(a->option, "--pairing") == 0) {
+        static const char *const pairings[] = {"energetic", "collocated", NULL};
+        s->pairing = arg_word(a, pairings) == 1 ? PALP_COLLOCATED : PALP_ENERGETIC;
     } else {
         s->gravity =
             (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
@@ -143,14 +149,17 @@ static condition_line *read_conditions(const char *path, uint32_t nodes, size_t 
     return list;
 }
 
-static void require_level(const palp_blob *b, const char *level) {
+static uint32_t choose_level(const palp_blob *b, const char *level) {
     uint32_t number;
-    if (level == NULL || strcmp(level, "finest") == 0 || strcmp(level, "auto") == 0) return;
-    if (!parse_u32(level, &number) || number + 1 != b->meta->levels) {
+    if (level == NULL || strcmp(level, "finest") == 0 || strcmp(level, "auto") == 0)
+        return b->meta->constraint_level;
+    if (!parse_u32(level, &number) || number > b->meta->constraint_level) {
         die(EXIT_USAGE,
-            "--level: '%s' is not a constraint level of this blob (%" PRIu32 ", finest or auto)",
-            level, b->meta->levels - 1);
+            "--level: '%s' is not a constraint level of this blob (0 to %" PRIu32
+            ", finest or auto)",
+            level, b->meta->constraint_level);
     }
+    return number;
 }
 
 static void apply(palp_cma *cma, const char *path, const condition_line *c) {
@@ -179,7 +188,7 @@ int command_solve(int argc, char **argv) {
     if (s.set == NULL && !s.gravity_given)
         die(EXIT_USAGE, "nothing to solve: add --set IN.csv or --gravity X Y Z");
     palp_blob b = load_blob(s.blob);
-    require_level(&b, s.level);
+    uint32_t level = choose_level(&b, s.level);
     size_t count = 0;
     condition_line *list = s.set != NULL ? read_conditions(s.set, b.meta->nodes, &count) : NULL;
     output out = open_output(s.output);
@@ -191,6 +200,7 @@ int command_solve(int argc, char **argv) {
     void *memory = allocate_aligned(bytes, 1);
     palp_status status = palp_cma_init(&cma, &b, (uint32_t)unknowns, memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(status));
+    (void)palp_cma_level(&cma, level, s.pairing);
     for (size_t i = 0; i < count; i++) apply(&cma, s.set, &list[i]);
     if (s.gravity_given && palp_cma_gravity(&cma, s.gravity) != PALP_OK) {
         die(EXIT_WORK, "%s: the blob has no gravity response (baked from a compliance matrix)",
@@ -201,11 +211,12 @@ int command_solve(int argc, char **argv) {
     status = palp_cma_solve(&cma, u, f);
     if (status == PALP_ERR_SINGULAR)
         die(EXIT_WORK, "%s: the body is no longer held: keep nodes fixed or displaced", s.set);
-    if (status == PALP_ERR_NOT_SPD) {
+    if (status == PALP_ERR_ABSENT) {
         die(EXIT_WORK,
-            "%s: compression at epsilon %g cannot resolve so many constraints: bake with a smaller "
-            "--epsilon",
-            s.set, (double)b.meta->epsilon);
+            "%s: a displaced node lies off constraint level %" PRIu32
+            ", the finest in this blob, and away from its displaced nodes: displace the level's "
+            "nodes (the first %" PRIu32 " free ones)",
+            s.set, b.meta->constraint_level, b.level[b.meta->constraint_level].nodes);
     }
     if (status == PALP_ERR_NOT_SPD) {
         die(EXIT_WORK,
@@ -220,8 +231,8 @@ int command_solve(int argc, char **argv) {
                 (double)u[3 * i + 1], (double)u[3 * i + 2], (double)f[3 * i], (double)f[3 * i + 1],
                 (double)f[3 * i + 2]);
     }
-    fprintf(out.file, "# level=%" PRIu32 " rms_bound=%.6g\n", b.meta->levels - 1,
-            (double)b.meta->rms_error);
+    fprintf(out.file, "# level=%" PRIu32 " rms_bound=%.6g unknowns=%" PRIu32 "\n", level,
+            (double)b.meta->rms_error, cma.count);
     commit_output(&out);
     return EXIT_SUCCESS;
 }

@@ -3,7 +3,7 @@
 #include "core/base/crc32c.h"
 #include "core/base/real.h"
 
-#define MAX_SECTIONS 96u
+#define MAX_SECTIONS 160u
 
 /* The bytes under inspection, and the first error met: later steps do nothing once it is set. */
 typedef struct {
@@ -164,6 +164,7 @@ static void check_meta(reader *r, const palp_meta *m) {
             (m->flags & PALP_META_FIXED_COLUMNS) == 0u || (m->flags & PALP_META_REACTIONS) != 0u);
     require(r, m->max_ring >= 3u && m->max_ring < m->nodes);
     require(r, m->max_row >= 1u && m->max_row <= m->nodes);
+    require(r, m->constraint_level < m->levels);
     for (int axis = 0; axis < 3; axis++) require(r, m->cells[axis] >= 1u && m->cells[axis] <= 256u);
     const float number[] = {m->young_Pa,
                             m->poisson,
@@ -223,6 +224,21 @@ static void read_slots(reader *r, palp_blob *b) {
     }
 }
 
+/* Each stencil reaches only to coarser slots. */
+static void read_stencils(reader *r, palp_domain *v, uint32_t d) {
+    v->stencil_offset = offsets(r, PALP_SEC_STENCIL_OFFSET + d, v->slots, v->slots);
+    if (r->status != PALP_OK) return;
+    uint32_t count = v->stencil_offset[v->slots];
+    v->stencil = indices(r, PALP_SEC_STENCIL + d, count, 1, v->slots);
+    v->stencil_weight = floats(r, PALP_SEC_STENCIL_WEIGHT + d, count, 1);
+    for (uint32_t l = 0; l < v->levels && r->status == PALP_OK; l++) {
+        for (uint32_t s = v->level_start[l]; s < v->level_start[l + 1]; s++) {
+            for (uint32_t k = v->stencil_offset[s]; k < v->stencil_offset[s + 1]; k++)
+                require(r, v->stencil[k] < v->level_start[l] && l > 0u);
+        }
+    }
+}
+
 static void read_domain(reader *r, palp_blob *b, uint32_t d) {
     const palp_meta *m = b->meta;
     palp_domain *v = &b->domain[d];
@@ -237,6 +253,7 @@ static void read_domain(reader *r, palp_blob *b, uint32_t d) {
     if (r->status != PALP_OK) return;
     v->child = indices(r, PALP_SEC_CHILD + d, v->child_offset[v->slots], 1, v->slots);
     require(r, v->level_start[v->levels] == v->slots);
+    if (palp_blob_has(b, PALP_META_BUTTERFLY)) read_stencils(r, v, d);
     for (uint32_t l = 1; l < v->levels && r->status == PALP_OK; l++) {
         for (uint32_t s = v->level_start[l]; s < v->level_start[l + 1]; s++) {
             for (uint32_t k = 0; k < 2; k++) {
@@ -263,34 +280,85 @@ static void check_half(reader *r, const uint16_t *half, uint64_t count) {
     }
 }
 
-static void read_columns(reader *r, palp_blob *b, uint32_t row, uint32_t column) {
-    const palp_meta *m = b->meta;
-    uint32_t block = PALP_DOMAINS * row + column;
-    bool gravity = column == PALP_FREE && (m->flags & PALP_META_GRAVITY) != 0u;
-    palp_columns *v = &b->columns[row][column];
-    v->rows = b->domain[row].slots;
-    v->columns = b->domain[column].slots + (gravity ? 1u : 0u);
-    v->offset = offsets(r, PALP_SEC_COL_OFFSET + block, v->columns, v->rows / PALP_LANES + 1u);
-    v->scale = floats(r, PALP_SEC_COL_SCALE + block, v->columns, 1);
+/* The types of the four sections of a set of columns. */
+typedef struct {
+    uint32_t offset, index, value, scale;
+} column_types;
+
+/* `v` comes with its counts of rows and columns; no column before `bounded` exceeds max_groups. */
+static void read_columns(reader *r, const palp_meta *m, palp_columns *v, column_types type,
+                         uint32_t bounded) {
+    v->offset = offsets(r, type.offset, v->columns, v->rows / PALP_LANES + 1u);
+    v->scale = floats(r, type.scale, v->columns, 1);
     if (r->status != PALP_OK) return;
     uint32_t groups = v->offset[v->columns];
-    v->index = section(r, PALP_SEC_COL_INDEX + block, groups, PALP_LANES * sizeof(uint16_t));
+    v->index = section(r, type.index, groups, PALP_LANES * sizeof(uint16_t));
     if ((m->flags & PALP_META_HALF) != 0u) {
-        v->half =
-            section(r, PALP_SEC_COL_VALUE + block, groups, PALP_GROUP_VALUES * sizeof(uint16_t));
+        v->half = section(r, type.value, groups, PALP_GROUP_VALUES * sizeof(uint16_t));
         if (v->half != NULL) check_half(r, v->half, (uint64_t)groups * PALP_GROUP_VALUES);
     } else {
-        v->value = floats(r, PALP_SEC_COL_VALUE + block, groups, PALP_GROUP_VALUES);
+        v->value = floats(r, type.value, groups, PALP_GROUP_VALUES);
     }
     for (uint32_t j = 0; j < v->columns && r->status == PALP_OK; j++) {
         for (uint32_t k = v->offset[j] * PALP_LANES; k < v->offset[j + 1] * PALP_LANES; k++) {
             require(r, v->index[k] < v->rows);
             if (k > v->offset[j] * PALP_LANES) require(r, v->index[k] >= v->index[k - 1]);
         }
-        if (row == PALP_FREE && column == PALP_FREE && j < b->domain[PALP_FREE].slots) {
-            require(r, v->offset[j + 1] - v->offset[j] <= m->max_groups);
-        }
+        if (j < bounded) require(r, v->offset[j + 1] - v->offset[j] <= m->max_groups);
     }
+}
+
+static void read_block(reader *r, palp_blob *b, uint32_t row, uint32_t column) {
+    uint32_t block = PALP_DOMAINS * row + column;
+    const palp_domain *d = &b->domain[column];
+    bool gravity = column == PALP_FREE && palp_blob_has(b, PALP_META_GRAVITY);
+    uint32_t nodes =
+        column == PALP_FREE ? d->level_start[b->meta->constraint_level + 1u] : d->slots;
+    palp_columns *v = &b->columns[row][column];
+    v->rows = b->domain[row].slots;
+    v->columns = nodes + (gravity ? 1u : 0u);
+    read_columns(r, b->meta, v,
+                 (column_types){PALP_SEC_COL_OFFSET + block, PALP_SEC_COL_INDEX + block,
+                                PALP_SEC_COL_VALUE + block, PALP_SEC_COL_SCALE + block},
+                 row == PALP_FREE && column == PALP_FREE ? nodes : 0u);
+}
+
+static bool has_section(const reader *r, uint32_t type) {
+    for (uint32_t i = 0; i < r->sections; i++) {
+        if (entry_at(r, i)->type == type) return true;
+    }
+    return false;
+}
+
+/* The constraint hierarchy, once the free-free block is there. */
+static void read_levels(reader *r, palp_blob *b) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    uint32_t areas = 0;
+    for (uint32_t l = 0; l < d->levels; l++) areas += d->level_start[l + 1];
+    const float *area = floats(r, PALP_SEC_LEVEL_AREA, areas, 1);
+    for (uint32_t i = 0; i < areas && r->status == PALP_OK; i++) require(r, area[i] > 0.0f);
+    for (uint32_t l = 0; l < d->levels && r->status == PALP_OK; l++) {
+        palp_level *v = &b->level[l];
+        uint32_t stride = PALP_LEVEL_STRIDE * l;
+        v->nodes = d->level_start[l + 1];
+        v->area_m2 = area;
+        area += v->nodes;
+        if (l > b->meta->constraint_level) continue;
+        if (l == b->meta->constraint_level) {
+            v->columns = b->columns[PALP_FREE][PALP_FREE];
+        } else {
+            v->columns = (palp_columns){.columns = v->nodes, .rows = d->slots};
+            read_columns(
+                r, b->meta, &v->columns,
+                (column_types){PALP_SEC_LEVEL_OFFSET + stride, PALP_SEC_LEVEL_INDEX + stride,
+                               PALP_SEC_LEVEL_VALUE + stride, PALP_SEC_LEVEL_SCALE + stride},
+                v->nodes);
+        }
+        uint64_t blocks = (uint64_t)v->nodes * (v->nodes + 1u) / 2u;
+        if (has_section(r, PALP_SEC_LEVEL_TABLE + stride))
+            v->table = floats(r, PALP_SEC_LEVEL_TABLE + stride, blocks, 9);
+    }
+    require(r, b->level[0].nodes >= 1u);
 }
 
 palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
@@ -307,10 +375,11 @@ palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
     if (r.status == PALP_OK) read_slots(&r, &b);
     for (uint32_t row = 0; row < PALP_DOMAINS && r.status == PALP_OK; row++) {
         if (row == PALP_FIXED && !palp_blob_has(&b, PALP_META_REACTIONS)) continue;
-        read_columns(&r, &b, row, PALP_FREE);
+        read_block(&r, &b, row, PALP_FREE);
         if (!palp_blob_has(&b, PALP_META_FIXED_COLUMNS) || r.status != PALP_OK) continue;
-        read_columns(&r, &b, row, PALP_FIXED);
+        read_block(&r, &b, row, PALP_FIXED);
     }
+    if (r.status == PALP_OK) read_levels(&r, &b);
     if (r.status == PALP_OK) *blob = b;
     return r.status;
 }

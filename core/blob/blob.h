@@ -15,7 +15,7 @@
 #include <stdbool.h>
 
 /*
- * One wavelet domain D (MR 4.1): its nodes in coarse-to-fine order and the lifted linear filters.
+ * One wavelet domain D (MR 4.1): its nodes in coarse-to-fine order and the filters.
  * Slots of level l are [level_start[l], level_start[l+1]). The slots of level l >= 1 are odd: each
  * has two parents on coarser levels with prediction weights w_ma and update weights s_am; a parent
  * that is missing from the domain has weight 0 and stands as slot 0.
@@ -29,6 +29,10 @@ typedef struct {
     const float *update;          /* [slots][2] */
     const uint32_t *child_offset; /* [slots + 1] */
     const uint32_t *child;        /* odd slots that update this one, ascending */
+    /* Butterfly: x_m is predicted by these instead of by its parents; NULL for linear wavelets. */
+    const uint32_t *stencil_offset; /* [slots + 1] */
+    const uint32_t *stencil;
+    const float *stencil_weight;
 } palp_domain;
 
 /*
@@ -46,6 +50,19 @@ typedef struct {
     const float *scale;     /* [columns] */
 } palp_columns;
 
+/*
+ * One level of the constraint hierarchy (MR 6-7): the hierarchical basis functions [l,k], k in
+ * K(l), the first `nodes` slots of the free domain. Forces on [l,k] are spread over the nodes by
+ * R_l^T, R_l = diag(1/a_[l,k]) P_l^T diag(a), and so sum to what was given.
+ */
+typedef struct {
+    uint32_t nodes;
+    const float *area_m2; /* [nodes] a_[l,k] = sum_i P_ik a_i */
+    palp_columns
+        columns; /* G R_l^T, transformed and thresholded; no columns above constraint_level */
+    const float *table; /* lower triangle of R_l G R_l^T by rows, 3x3 blocks; NULL if not stored */
+} palp_level;
+
 typedef struct {
     const palp_meta *meta;
     const float *rest_m;         /* [nodes][3] */
@@ -60,6 +77,7 @@ typedef struct {
     const uint32_t *cell_node;
     palp_domain domain[PALP_DOMAINS];
     palp_columns columns[PALP_DOMAINS][PALP_DOMAINS]; /* [row domain][column domain] */
+    palp_level level[PALP_MAX_LEVELS]; /* constraint hierarchy, 0..constraint_level */
     size_t bytes;
 } palp_blob;
 

@@ -13,7 +13,7 @@
 #include <stdint.h>
 
 #define PALP_BLOB_MAGIC "PALPBLOB"
-#define PALP_BLOB_VERSION 1u
+#define PALP_BLOB_VERSION 2u
 #define PALP_BLOB_BYTE_ORDER 0x01020304u
 #define PALP_BLOB_ALIGN 64u
 #define PALP_MAX_LEVELS 12u   /* levels 0..11 */
@@ -60,6 +60,7 @@ typedef enum {
     PALP_SEC_CELL_OFFSET = 9,   /* u32[cells + 1] search grid */
     PALP_SEC_CELL_NODE = 10,    /* u32[nodes] nodes sorted by cell */
     PALP_SEC_SOFTENING = 11,    /* f32[nodes] added to each node's own normal compliance, m/N */
+    PALP_SEC_LEVEL_AREA = 12,   /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
     PALP_SEC_NODE = 16,         /* + domain: u32[slots] node of each slot, coarse to fine */
     PALP_SEC_LEVEL_START = 20,  /* + domain: u32[levels + 1] first slot of each level */
     PALP_SEC_PARENT = 24,       /* + domain: u32[slots][2] */
@@ -67,11 +68,23 @@ typedef enum {
     PALP_SEC_UPDATE = 32,       /* + domain: f32[slots][2] */
     PALP_SEC_CHILD_OFFSET = 36, /* + domain: u32[slots + 1] */
     PALP_SEC_CHILD = 40,        /* + domain: u32[] odd slots that update this one, ascending */
-    PALP_SEC_COL_OFFSET = 48,   /* + block: u32[columns + 1], in groups of PALP_LANES blocks */
-    PALP_SEC_COL_INDEX = 56,    /* + block: u16[groups][PALP_LANES] row slots, ascending */
-    PALP_SEC_COL_VALUE = 64,    /* + block: f32 or f16 [groups][9][PALP_LANES] */
-    PALP_SEC_COL_SCALE = 72     /* + block: f32[columns] multiplier of the stored values */
+    PALP_SEC_STENCIL_OFFSET = 80, /* + domain: u32[slots + 1], butterfly only */
+    PALP_SEC_STENCIL = 84,        /* + domain: u32[] what predicts each odd slot */
+    PALP_SEC_STENCIL_WEIGHT = 88, /* + domain: f32[] */
+    PALP_SEC_COL_OFFSET = 48,     /* + block: u32[columns + 1], in groups of PALP_LANES blocks */
+    PALP_SEC_COL_INDEX = 56,      /* + block: u16[groups][PALP_LANES] row slots, ascending */
+    PALP_SEC_COL_VALUE = 64,      /* + block: f32 or f16 [groups][9][PALP_LANES] */
+    PALP_SEC_COL_SCALE = 72,      /* + block: f32[columns] multiplier of the stored values */
+    /* Constraint hierarchy of the free domain: + PALP_LEVEL_STRIDE * level. The columns of level
+     * constraint_level are those of block free-free above. */
+    PALP_SEC_LEVEL_OFFSET = 128, /* the four column sections, as above */
+    PALP_SEC_LEVEL_INDEX = 129,
+    PALP_SEC_LEVEL_VALUE = 130,
+    PALP_SEC_LEVEL_SCALE = 131,
+    PALP_SEC_LEVEL_TABLE = 132 /* f32[n (n + 1) / 2][9] lower triangle of R_l G R_l^T, m/N */
 } palp_section;
+
+#define PALP_LEVEL_STRIDE 8u
 
 #define PALP_META_LIFTED 1u    /* lifted wavelets */
 #define PALP_META_SYMMETRIC 2u /* reciprocity enforced: G_FF is symmetric positive definite */
@@ -81,6 +94,7 @@ typedef enum {
                                  */
 #define PALP_META_REACTIONS 16u /* rows of the fixed nodes are there: reactions are known */
 #define PALP_META_HALF 32u      /* IEEE half storage */
+#define PALP_META_BUTTERFLY 64u /* butterfly predictor: the domains have stencils */
 
 typedef struct {
     uint32_t nodes, triangles, levels, flags;
@@ -100,7 +114,8 @@ typedef struct {
     float cell_origin_m[3], cell_size_m;
     float equilibrium_residual; /* largest |sum of reactions + load| / |load| over unit loads */
     uint8_t mesh_sha256[32];
-    uint8_t reserved[20];
+    uint32_t constraint_level; /* finest level whose Green's functions are stored */
+    uint8_t reserved[16];
 } palp_meta;
 
 _Static_assert(sizeof(palp_blob_header) == 64, "header layout");

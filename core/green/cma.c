@@ -20,8 +20,13 @@ static void lay_out(palp_cma *c, const palp_blob *b, uint32_t n, palp_arena *are
     c->perm = palp_take(arena, n, sizeof(uint32_t));
     c->given = palp_take(arena, 3u * (size_t)b->meta->nodes, sizeof(float));
     c->state = palp_take(arena, b->meta->nodes, 1);
-    c->row.index = palp_take(arena, b->meta->max_row, sizeof(uint16_t));
-    c->row.weight = palp_take(arena, b->meta->max_row, sizeof(float));
+    uint32_t longest = b->domain[PALP_FREE].slots > b->domain[PALP_FIXED].slots
+                           ? b->domain[PALP_FREE].slots
+                           : b->domain[PALP_FIXED].slots;
+    c->carried = palp_take(arena, 3u * (size_t)b->domain[PALP_FREE].slots, sizeof(float));
+    c->covered = palp_take(arena, b->domain[PALP_FREE].slots, 1);
+    c->row.index = palp_take(arena, longest, sizeof(uint16_t));
+    c->row.weight = palp_take(arena, longest, sizeof(float));
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
         uint32_t slots = b->domain[d].slots;
         c->detail[d] = palp_take(arena, (size_t)slots * PALP_FIELD_LANES, sizeof(float));
@@ -55,6 +60,8 @@ palp_status palp_cma_init(palp_cma *cma, const palp_blob *blob, uint32_t max_unk
 
 void palp_cma_clear(palp_cma *cma) {
     cma->count = 0;
+    cma->level = cma->blob->meta->constraint_level;
+    cma->pairing = PALP_ENERGETIC;
     cma->gravity_m_s2 = (palp_vec3){0};
     for (uint32_t i = 0; i < 3u * cma->blob->meta->nodes; i++) cma->given[i] = 0.0f;
     for (uint32_t i = 0; i < cma->blob->meta->nodes; i++) cma->state[i] = 0;
@@ -152,6 +159,13 @@ palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition
     return PALP_OK;
 }
 
+palp_status palp_cma_level(palp_cma *cma, uint32_t level, palp_pairing pairing) {
+    if (level > cma->blob->meta->constraint_level) return PALP_ERR_ARGUMENT;
+    cma->level = level;
+    cma->pairing = pairing;
+    return PALP_OK;
+}
+
 palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2) {
     if (!palp_blob_has(cma->blob, PALP_META_GRAVITY)) return PALP_ERR_ABSENT;
     if (!palp_vec3_is_finite(acceleration_m_s2)) return PALP_ERR_NOT_FINITE;
@@ -171,20 +185,129 @@ static void add_column(palp_cma *c, uint32_t column_domain, uint32_t slot, const
     }
 }
 
+/* ---- levels ---- */
+
+/* A force on slot m of a level above the stored ones is taken by its parents: P^T f. */
+static void restrict_forces(palp_cma *c) {
+    const palp_domain *d = &c->blob->domain[PALP_FREE];
+    for (uint32_t i = 0; i < d->slots; i++) {
+        for (uint32_t k = 0; k < 3; k++) c->carried[3u * i + k] = c->given[3u * d->node[i] + k];
+    }
+    for (uint32_t m = d->slots; m-- > c->blob->level[c->blob->meta->constraint_level].nodes;) {
+        for (uint32_t side = 0; side < 2; side++) {
+            float w = d->predict[2u * m + side];
+            float *parent = c->carried + 3u * d->parent[2u * m + side];
+            if (!(w > 0.0f)) continue;
+            for (uint32_t k = 0; k < 3; k++) parent[k] += w * c->carried[3u * m + k];
+        }
+        for (uint32_t k = 0; k < 3; k++) c->carried[3u * m + k] = 0.0f;
+    }
+}
+
+/* Forces on the basis functions of `level` become forces on those of level + 1. */
+static void spread_forces(const palp_blob *b, uint32_t level, float *force) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    const float *coarse = b->level[level].area_m2, *fine = b->level[level + 1u].area_m2;
+    for (uint32_t m = b->level[level].nodes; m < b->level[level + 1u].nodes; m++) {
+        for (uint32_t side = 0; side < 2; side++) {
+            float w = d->predict[2u * m + side];
+            uint32_t p = d->parent[2u * m + side];
+            if (!(w > 0.0f)) continue;
+            float share = w * fine[m] / coarse[p];
+            for (uint32_t k = 0; k < 3; k++) force[3u * m + k] += share * force[3u * p + k];
+        }
+    }
+    for (uint32_t i = 0; i < b->level[level].nodes; i++) {
+        float share = fine[i] / coarse[i];
+        for (uint32_t k = 0; k < 3; k++) force[3u * i + k] *= share;
+    }
+}
+
+/* Adds the solved forces, level by level, to what is carried on the constraint level. */
+static void carry_solution(palp_cma *c) {
+    const palp_blob *b = c->blob;
+    for (uint32_t i = 0; i < 3u * b->domain[PALP_FREE].slots; i++) c->carried[i] = 0.0f;
+    for (uint32_t l = 0; l <= b->meta->constraint_level; l++) {
+        for (uint32_t k = 0; k < c->count; k++) {
+            const palp_switch *s = &c->switches[k];
+            if (palp_node_is_fixed(b, s->node) || s->level != l) continue;
+            float *f = c->carried + 3u * palp_node_slot(b, s->node);
+            f[0] += s->value * s->direction.x;
+            f[1] += s->value * s->direction.y;
+            f[2] += s->value * s->direction.z;
+        }
+        if (l < b->meta->constraint_level) spread_forces(b, l, c->carried);
+    }
+    for (uint32_t i = 0; i < b->domain[PALP_FREE].slots; i++) {
+        for (uint32_t k = 0; k < 3; k++)
+            c->given[3u * b->domain[PALP_FREE].node[i] + k] += c->carried[3u * i + k];
+    }
+    for (uint32_t k = 0; k < c->count; k++) {
+        const palp_switch *s = &c->switches[k];
+        if (!palp_node_is_fixed(b, s->node)) continue;
+        float *u = c->given + 3u * s->node;
+        u[0] += s->value * s->direction.x;
+        u[1] += s->value * s->direction.y;
+        u[2] += s->value * s->direction.z;
+    }
+}
+
+/* Which basis function stands for each displaced free node (MR 68). */
+static palp_status choose_levels(palp_cma *c) {
+    const palp_blob *b = c->blob;
+    const palp_domain *d = &b->domain[PALP_FREE];
+    uint32_t hats = b->level[c->level].nodes, stored = b->level[b->meta->constraint_level].nodes;
+    for (uint32_t i = 0; i < d->slots; i++) c->covered[i] = 0;
+    for (uint32_t k = 0; k < c->count; k++) {
+        const palp_switch *s = &c->switches[k];
+        uint32_t slot = palp_node_slot(b, s->node);
+        if (!palp_node_is_fixed(b, s->node) && slot < hats) c->covered[slot] = 1;
+    }
+    for (uint32_t m = hats; m < d->slots; m++) {
+        for (uint32_t side = 0; side < 2; side++) {
+            bool under = d->predict[2u * m + side] > 0.0f && c->covered[d->parent[2u * m + side]];
+            if (under) c->covered[m] = 1;
+        }
+    }
+    uint32_t kept = 0;
+    for (uint32_t k = 0; k < c->count; k++) {
+        palp_switch s = c->switches[k];
+        uint32_t slot = palp_node_slot(b, s.node);
+        s.level = slot < hats ? c->level : b->meta->constraint_level;
+        if (!palp_node_is_fixed(b, s.node) && slot >= hats) {
+            if (c->covered[slot] != 0u) continue;
+            if (slot >= stored) return PALP_ERR_ABSENT;
+        }
+        c->switches[kept++] = s;
+    }
+    c->count = kept;
+    return PALP_OK;
+}
+
+static bool is_coarse(const palp_cma *c, const palp_switch *s) {
+    return !palp_node_is_fixed(c->blob, s->node) && s->level + 1u < c->blob->meta->levels;
+}
+
+/* ---- capacitance ---- */
+
 /* g~_1 of MR 42 and 45: the RBVP's answer to what is given so far, as details. */
 static void sum_columns(palp_cma *c) {
     const palp_blob *b = c->blob;
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
         for (uint32_t i = 0; i < b->domain[d].slots * PALP_FIELD_LANES; i++) c->detail[d][i] = 0.0f;
     }
+    restrict_forces(c);
+    uint32_t stored = b->level[b->meta->constraint_level].nodes;
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
-        const float *v = c->given + 3u * i;
+        bool fixed = palp_node_is_fixed(b, i);
+        uint32_t slot = palp_node_slot(b, i);
+        if (!fixed && slot >= stored) continue;
+        const float *v = fixed ? c->given + 3u * i : c->carried + 3u * slot;
         if (!(palp_dot(palp_vec3_at(v), palp_vec3_at(v)) > 0.0f)) continue;
-        add_column(c, domain_of(b, i), palp_node_slot(b, i), v);
+        add_column(c, domain_of(b, i), slot, v);
     }
     const float g[3] = {c->gravity_m_s2.x, c->gravity_m_s2.y, c->gravity_m_s2.z};
-    bool gravity = palp_blob_has(b, PALP_META_GRAVITY);
-    if (gravity) add_column(c, PALP_FREE, b->domain[PALP_FREE].slots, g);
+    if (palp_blob_has(b, PALP_META_GRAVITY)) add_column(c, PALP_FREE, stored, g);
 }
 
 /* e^T block e' */
@@ -199,17 +322,28 @@ static float row_factor(const palp_cma *c, uint32_t node) {
     return palp_node_is_fixed(c->blob, node) ? c->blob->area_m2[node] : 1.0f;
 }
 
+/* The columns that hold switch `t`, for rows of domain `d`. */
+static const palp_columns *columns_of(const palp_cma *c, uint32_t d, const palp_switch *t) {
+    const palp_blob *b = c->blob;
+    bool fixed = palp_node_is_fixed(b, t->node);
+    if (fixed || t->level == b->meta->constraint_level || d == PALP_FIXED)
+        return &b->columns[d][fixed ? PALP_FIXED : PALP_FREE];
+    return &b->level[t->level].columns;
+}
+
 /* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
-static palp_status assemble_row(palp_cma *c, uint32_t k) {
+static void assemble_row(palp_cma *c, uint32_t k) {
     const palp_blob *b = c->blob;
     const palp_switch *s = &c->switches[k];
     uint32_t d = domain_of(b, s->node);
     float factor = row_factor(c, s->node);
     float block[9];
-    uint32_t extracted = PALP_MAX_NODES + 1u;
-    if (!palp_wavelet_row(&b->domain[d], palp_node_slot(b, s->node), &c->scratch[d], &c->row,
-                          b->meta->max_row)) {
-        return PALP_ERR_RANGE; /* a blob that understates max_row */
+    uint32_t extracted = PALP_MAX_NODES + 1u, slot = palp_node_slot(b, s->node);
+    if (is_coarse(c, s) && c->pairing == PALP_ENERGETIC) {
+        (void)palp_basis_row(b, (palp_basis){s->level, slot}, &c->scratch[d], &c->row,
+                             b->domain[d].slots);
+    } else {
+        (void)palp_wavelet_row(&b->domain[d], slot, &c->scratch[d], &c->row, b->domain[d].slots);
     }
     palp_vec3 v0 = {0};
     for (uint32_t r = 0; r < c->row.count; r++) {
@@ -220,14 +354,27 @@ static palp_status assemble_row(palp_cma *c, uint32_t k) {
     for (uint32_t l = 0; l < c->count; l++) {
         const palp_switch *t = &c->switches[l];
         if (t->node != extracted) {
-            palp_columns_extract(&b->columns[d][domain_of(b, t->node)], palp_node_slot(b, t->node),
-                                 &c->row, block);
+            palp_columns_extract(columns_of(c, d, t), palp_node_slot(b, t->node), &c->row, block);
             extracted = t->node;
         }
         c->capacitance[(size_t)k * c->count + l] =
             factor * contract(s->direction, block, t->direction);
     }
-    return PALP_OK;
+}
+
+/* Reactions to hats below the constraint level are not stored: Betti gives their entries. */
+static void complete_by_reciprocity(palp_cma *c) {
+    for (uint32_t k = 0; k < c->count; k++) {
+        for (uint32_t l = 0; l < c->count; l++) {
+            const palp_switch *s = &c->switches[k], *t = &c->switches[l];
+            bool missing = palp_node_is_fixed(c->blob, s->node) &&
+                           !palp_node_is_fixed(c->blob, t->node) &&
+                           t->level < c->blob->meta->constraint_level;
+            if (missing)
+                c->capacitance[(size_t)k * c->count + l] =
+                    -c->capacitance[(size_t)l * c->count + k];
+        }
+    }
 }
 
 /* Betti: same-domain pairs are symmetric, force against displacement pairs are skew. */
@@ -276,10 +423,17 @@ static bool all_free(const palp_cma *c) {
     return true;
 }
 
+/* Whether C is symmetric up to compression and rounding. */
+static bool is_reciprocal(const palp_cma *c) {
+    bool coarse = false;
+    for (uint32_t k = 0; k < c->count; k++) coarse = coarse || is_coarse(c, &c->switches[k]);
+    return palp_blob_has(c->blob, PALP_META_SYMMETRIC) && (!coarse || c->pairing == PALP_ENERGETIC);
+}
+
 /* g := C^-1 rhs with refinement. */
 static palp_status solve_capacitance(palp_cma *c) {
     size_t n = c->count;
-    bool symmetric = palp_blob_has(c->blob, PALP_META_SYMMETRIC);
+    bool symmetric = is_reciprocal(c);
     bool definite = symmetric && all_free(c);
     if (symmetric) enforce_reciprocity(c);
     scale_system(c);
@@ -300,6 +454,17 @@ static palp_status solve_capacitance(palp_cma *c) {
     }
     for (size_t k = 0; k < n; k++) c->switches[k].value = c->solution[k] * c->scale[k];
     return PALP_OK;
+}
+
+/* Nodal forces of the free domain, from those of the constraint level. */
+static void nodal_forces(palp_cma *c) {
+    const palp_blob *b = c->blob;
+    const palp_domain *d = &b->domain[PALP_FREE];
+    if (b->meta->constraint_level + 1u == d->levels) return;
+    for (uint32_t l = b->meta->constraint_level; l + 1u < d->levels; l++)
+        spread_forces(b, l, c->carried);
+    for (uint32_t i = 0; i < 3u * d->slots; i++)
+        c->given[3u * d->node[i / 3u] + i % 3u] = c->carried[i];
 }
 
 /* MR 46: one inverse transform per domain, then nodes take their values. */
@@ -325,6 +490,7 @@ static void set_exact(const palp_cma *c, float *u_m, float *f_N) {
     for (uint32_t k = 0; k < c->count; k++) {
         const palp_switch *s = &c->switches[k];
         bool fixed = palp_node_is_fixed(c->blob, s->node);
+        if (is_coarse(c, s) && c->pairing == PALP_ENERGETIC) continue;
         float *result = (fixed ? f_N : u_m) + 3u * s->node;
         float off = s->target - palp_dot(s->direction, palp_vec3_at(result));
         result[0] += off * s->direction.x;
@@ -371,17 +537,14 @@ static bool is_held(const palp_cma *c) {
 
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N) {
     sum_columns(cma);
-    palp_status status = is_held(cma) ? PALP_OK : PALP_ERR_SINGULAR;
-    for (uint32_t k = 0; k < cma->count && status == PALP_OK; k++) status = assemble_row(cma, k);
+    palp_status status = is_held(cma) ? choose_levels(cma) : PALP_ERR_SINGULAR;
+    for (uint32_t k = 0; k < cma->count && status == PALP_OK; k++) assemble_row(cma, k);
+    if (status == PALP_OK) complete_by_reciprocity(cma);
     if (status == PALP_OK) status = solve_capacitance(cma);
     if (status != PALP_OK) return status;
-    for (uint32_t k = 0; k < cma->count; k++) {
-        const palp_switch *s = &cma->switches[k];
-        const float v[3] = {s->value * s->direction.x, s->value * s->direction.y,
-                            s->value * s->direction.z};
-        for (uint32_t axis = 0; axis < 3; axis++) cma->given[3u * s->node + axis] += v[axis];
-    }
+    carry_solution(cma);
     sum_columns(cma);
+    nodal_forces(cma);
     write_fields(cma, u_m, f_N);
     set_exact(cma, u_m, f_N);
     return PALP_OK;

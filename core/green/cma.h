@@ -15,6 +15,12 @@
  *     C g = t - E^T v0,     C_kl = e_k^T Xi_kl e_l                    (MR 18-20, 39, 43-44)
  *     v   = v0 + Xi E g,    values at switched nodes set exactly      (MR 45-47)
  *
+ * Displacements of free nodes may be imposed on a coarser constraint level l (MR 6-8): the unknowns
+ * are then forces on the basis functions [l,k] of the listed nodes k in K(l). Listed nodes that lie
+ * under those hats are represented by them; others keep a constraint of their own on the finest
+ * stored level, so the set is a mixed one (MR 68). The mean displacement under the hat takes the
+ * node's value (energetic), or the node itself does (collocated, as in the paper: unsymmetric).
+ *
  * With only free nodes switched and reciprocity enforced C is symmetric positive definite and is
  * factored by Cholesky; otherwise by LU with partial pivoting after scaling by powers of two, since
  * compliances and stiffnesses meet in it. Both are followed by two steps of refinement with
@@ -25,7 +31,7 @@
 
 #include "core/base/arena.h"
 #include "core/base/real.h"
-#include "core/green/columns.h"
+#include "core/green/hierarchy.h"
 
 typedef enum {
     PALP_GIVE_DISPLACEMENT, /* u = value (m) */
@@ -35,9 +41,12 @@ typedef enum {
     PALP_RELEASE            /* a fixed node set free */
 } palp_condition;
 
+typedef enum { PALP_ENERGETIC, PALP_COLLOCATED } palp_pairing;
+
 /* One scalar unknown: the column value at `node` along `direction`. */
 typedef struct {
     uint32_t node;
+    uint32_t level; /* of the basis function, for a free node; chosen by palp_cma_solve */
     palp_vec3 direction;
     float target; /* what the RBVP's result must be along `direction`: m on F, N on U */
     float value;  /* solved: N on F, m on U */
@@ -52,9 +61,13 @@ typedef struct {
     float *scale, *rhs, *solution, *residual; /* [capacity] */
     uint32_t *perm;                           /* [capacity] */
     float *detail[PALP_DOMAINS];              /* [slots][4] */
-    float *given;   /* [nodes][3] what the column of each node is multiplied with */
-    uint8_t *state; /* [nodes] 1 + condition given, 0 for none */
+    float *given;     /* [nodes][3] what the column of each node is multiplied with */
+    float *carried;   /* [free slots][3] forces on the basis functions of the constraint level */
+    uint8_t *covered; /* [free slots] under a chosen hat */
+    uint8_t *state;   /* [nodes] 1 + condition given, 0 for none */
     palp_vec3 gravity_m_s2;
+    uint32_t level; /* on which displacements are imposed */
+    palp_pairing pairing;
     palp_row row;
     palp_row_scratch scratch[PALP_DOMAINS];
 } palp_cma;
@@ -79,13 +92,19 @@ void palp_cma_clear(palp_cma *cma);
  */
 palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value);
 
+/* Imposes displacements of free nodes on `level`. Error: ARGUMENT (above the blob's constraint
+ * level).
+ */
+palp_status palp_cma_level(palp_cma *cma, uint32_t level, palp_pairing pairing);
+
 /* Body force: acceleration in m/s^2 times the baked density. Error: ABSENT, NOT_FINITE. */
 palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
 
 /*
  * Solves; u_m and f_N are float[nodes][3]: displacement, and the force that the surroundings apply.
  * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR (also when
- * what is left displaced or fixed lies on one line), RANGE.
+ * what is left displaced or fixed lies on one line), ABSENT (a displaced node that no stored column
+ * can hold). Afterwards cma->count is the number of unknowns that were solved for.
  * Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
  */
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);

@@ -27,4 +27,12 @@ static inline uint32_t palp_columns_blocks(const palp_columns *columns, uint32_t
     return (columns->offset[j + 1] - columns->offset[j]) * PALP_LANES;
 }
 
+/* The same without the padding: the last group repeats its last row. */
+static inline uint32_t palp_columns_stored(const palp_columns *columns, uint32_t j) {
+    uint32_t n = palp_columns_blocks(columns, j);
+    const uint16_t *index = columns->index + (size_t)columns->offset[j] * PALP_LANES;
+    while (n > 1u && index[n - 1u] == index[n - 2u]) n--;
+    return n;
+}
+
 #endif

@@ -24,7 +24,7 @@ static void sum_from_scratch(palp_field *f) {
     for (uint32_t i = 0; i < n * PALP_FIELD_LANES; i++) f->detail[i] = 0.0f;
     if (palp_blob_has(f->blob, PALP_META_GRAVITY)) {
         const float g[3] = {f->gravity_m_s2.x, f->gravity_m_s2.y, f->gravity_m_s2.z};
-        palp_columns_add(c, n, g, f->detail);
+        palp_columns_add(c, c->columns - 1u, g, f->detail);
     }
     for (uint32_t i = 0; i < f->loaded_count; i++) {
         palp_columns_add(c, f->loaded[i], f->applied_N + 3u * f->loaded[i], f->detail);

@@ -9,7 +9,8 @@
  *   inverse, l = 1..L     update   x_a -= sum_m s_am x_m     predict x_m += sum_a w_ma x_a
  *
  * where m runs over the odd slots of level l and a over the (at most two) parents of m in the
- * domain. Unlifted transforms are the same with s = 0.
+ * domain; a butterfly wavelet predicts from the up to ten or so slots of its stencil instead.
+ * Unlifted transforms are the same with s = 0.
  */
 #ifndef PALP_GREEN_WAVELET_H
 #define PALP_GREEN_WAVELET_H
@@ -51,5 +52,15 @@ typedef struct {
  */
 bool palp_wavelet_row(const palp_domain *domain, uint32_t slot, palp_row_scratch *scratch,
                       palp_row *row, uint32_t capacity);
+
+/*
+ * The same for a weighted mean of several nodes: palp_row_mark adds weights to `scratch`,
+ * palp_row_next finds the marked slots in ascending order (`end` if none is left), and
+ * palp_row_finish turns what is marked into the row and clears the scratch.
+ */
+void palp_row_mark(palp_row_scratch *scratch, uint32_t slot, float weight);
+uint32_t palp_row_next(const palp_row_scratch *scratch, uint32_t from, uint32_t end);
+bool palp_row_finish(const palp_domain *domain, palp_row_scratch *scratch, palp_row *row,
+                     uint32_t capacity);
 
 #endif

@@ -111,8 +111,7 @@ static void test_random(void) {
     free(copy);
 }
 
-/* A row longer than the blob says is refused where it is met: by the solver with a status, by
- * contact with a flag. */
+/* A row longer than the blob says is refused where it is met: by contact, with a flag. */
 static void test_short_rows(void) {
     uint8_t *copy = allocate_aligned(sample.size, 1);
     const uint32_t one = 1;
@@ -122,13 +121,6 @@ static void test_short_rows(void) {
     reseal(copy);
     CHECK(palp_blob_open(&b, copy, sample.size) == PALP_OK,
           "a blob that understates its rows opens");
-    palp_cma cma;
-    size_t bytes = palp_cma_memsize(&b, 3);
-    float *u = allocate(3 * b.meta->nodes, sizeof *u), *f = allocate(3 * b.meta->nodes, sizeof *f);
-    uint32_t node = b.domain[PALP_FREE].node[0];
-    (void)palp_cma_init(&cma, &b, 3, allocate_aligned(bytes, 1), bytes);
-    (void)palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){1, 0, 0});
-    CHECK(palp_cma_solve(&cma, u, f) == PALP_ERR_RANGE, "and solving says so");
     palp_contact c;
     bytes = palp_contact_memsize(&b, PALP_CONTACT_DEFAULTS);
     (void)palp_contact_init(&c, &b, b.rest_m, 0.2f, PALP_CONTACT_DEFAULTS,

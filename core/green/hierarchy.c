@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: MIT */
+#include "hierarchy.h"
+
+float palp_child_share(const palp_blob *blob, uint32_t level, uint32_t slot, uint32_t child) {
+    const palp_domain *d = &blob->domain[PALP_FREE];
+    float weight = 0.0f;
+    for (uint32_t k = 0; k < 2; k++) {
+        if (d->parent[2u * child + k] == slot) weight += d->predict[2u * child + k];
+    }
+    return weight * blob->level[level + 1u].area_m2[child] / blob->level[level].area_m2[slot];
+}
+
+palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_t level) {
+    palp_child_range r = {domain->child_offset[slot], domain->child_offset[slot + 1u]};
+    while (r.first < r.end && domain->child[r.first] < domain->level_start[level]) r.first++;
+    while (r.end > r.first && domain->child[r.end - 1u] >= domain->level_start[level + 1u]) r.end--;
+    return r;
+}
+
+uint32_t palp_level_neighbours(const palp_domain *domain, uint32_t slot, uint32_t level,
+                               uint32_t *neighbour, uint32_t capacity) {
+    uint32_t count = 0;
+    palp_child_range r = palp_children(domain, slot, level + 1u);
+    for (uint32_t c = r.first; c < r.end && count < capacity; c++) {
+        uint32_t m = domain->child[c];
+        uint32_t side = domain->parent[2u * m] == slot ? 1u : 0u;
+        if (domain->predict[2u * m + side] > 0.0f)
+            neighbour[count++] = domain->parent[2u * m + side];
+    }
+    return count;
+}
+
+/* Spreads the marked weights of `level` over level + 1. */
+static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    uint32_t end = d->level_start[level + 1u];
+    for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
+        float force = s->weight[a];
+        palp_child_range r = palp_children(d, a, level + 1u);
+        for (uint32_t c = r.first; c < r.end; c++) {
+            palp_row_mark(s, d->child[c], force * palp_child_share(b, level, a, d->child[c]));
+        }
+        s->weight[a] = force * palp_own_share(b, level, a);
+    }
+}
+
+bool palp_basis_row(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
+                    palp_row *row, uint32_t capacity) {
+    palp_row_mark(scratch, basis.slot, 1.0f);
+    for (uint32_t l = basis.level; l + 1u < blob->meta->levels; l++) spread(blob, l, scratch);
+    return palp_row_finish(&blob->domain[PALP_FREE], scratch, row, capacity);
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: MIT */
+/* From dense Green's functions to the finished bytes of a blob: domains, compressed columns of
+ * every constraint level, tables, softening. */
+#ifndef PALP_TOOLS_BUILD_H
+#define PALP_TOOLS_BUILD_H
+
+#include "blobwrite.h"
+#include "greens.h"
+
+typedef struct {
+    wavelet wavelet;
+    compress_options compress;
+    double table_bytes;        /* most that the dense tables of all levels may take together */
+    bool raw;                  /* reciprocity not enforced */
+    uint32_t constraint_level; /* finest level whose columns are stored */
+} build_options;
+
+typedef struct {
+    uint8_t *bytes;
+    size_t size;
+    palp_meta meta;
+    double softened; /* largest softening over a node's own compliance */
+} built;
+
+/* The wavelet domains of a mesh. */
+typedef struct {
+    domain_data domain[PALP_DOMAINS];
+    hierarchy h;
+} domains;
+domains domains_build(const mesh *m, const uint8_t *fixed, const double *area, wavelet w);
+void domains_free(domains *d);
+
+/*
+ * `meta` comes with material and hash. Exits with a message when a level's compliance is not
+ * positive definite. The greens must have been through greens_reciprocity.
+ */
+built blob_build(const mesh *m, const greens *g, const domains *d, const double *area,
+                 double (*normal)[3], palp_meta meta, const build_options *options);
+
+#endif
