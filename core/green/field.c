@@ -4,11 +4,25 @@
 static void lay_out(palp_field *f, const palp_blob *b, palp_arena *arena) {
     uint32_t n = b->domain[PALP_FREE].slots;
     *f = (palp_field){.blob = b};
+    for (uint32_t l = 0; l <= b->meta->constraint_level; l++)
+        f->first[l + 1u] = f->first[l] + b->level[l].nodes;
+    uint32_t all = f->first[b->meta->constraint_level + 1u];
     f->detail = palp_take(arena, (size_t)n * PALP_FIELD_LANES, sizeof(float));
     f->field = palp_take(arena, (size_t)n * PALP_FIELD_LANES, sizeof(float));
-    f->applied_N = palp_take(arena, 3u * (size_t)n, sizeof(float));
-    f->wanted = palp_take(arena, n, 1);
-    f->loaded = palp_take(arena, n, sizeof(uint32_t));
+    f->applied_N = palp_take(arena, 3u * (size_t)all, sizeof(float));
+    f->wanted = palp_take(arena, all, 1);
+    f->loaded = palp_take(arena, all, sizeof(uint32_t));
+}
+
+static uint32_t count_of(const palp_field *f) {
+    return f->first[f->blob->meta->constraint_level + 1u];
+}
+
+/* details += the column of basis function number `which` times the force */
+static void add_column(palp_field *f, uint32_t which, const float force[3]) {
+    uint32_t level = 0;
+    while (which >= f->first[level + 1u]) level++;
+    palp_columns_add(&f->blob->level[level].columns, which - f->first[level], force, f->detail);
 }
 
 size_t palp_field_memsize(const palp_blob *blob) {
@@ -27,7 +41,7 @@ static void sum_from_scratch(palp_field *f) {
         palp_columns_add(c, c->columns - 1u, g, f->detail);
     }
     for (uint32_t i = 0; i < f->loaded_count; i++) {
-        palp_columns_add(c, f->loaded[i], f->applied_N + 3u * f->loaded[i], f->detail);
+        add_column(f, f->loaded[i], f->applied_N + 3u * f->loaded[i]);
     }
     f->updates = 0;
 }
@@ -37,7 +51,7 @@ palp_status palp_field_init(palp_field *field, const palp_blob *blob, void *memo
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_field_memsize(blob)) return PALP_ERR_MEMORY;
     lay_out(field, blob, &arena);
-    uint32_t n = blob->domain[PALP_FREE].slots;
+    uint32_t n = count_of(field);
     for (uint32_t i = 0; i < 3u * n; i++) field->applied_N[i] = 0.0f;
     for (uint32_t i = 0; i < n; i++) field->wanted[i] = 0;
     sum_from_scratch(field);
@@ -52,41 +66,47 @@ palp_status palp_field_gravity(palp_field *field, palp_vec3 acceleration_m_s2) {
     return PALP_OK;
 }
 
-/* Moves the force applied at `slot` to `force`, summing only the difference. */
-static void change(palp_field *f, uint32_t slot, palp_vec3 force) {
-    float *applied = f->applied_N + 3u * slot;
+/* Moves the force applied at basis function `which` to `force`, summing only the difference. */
+static void change(palp_field *f, uint32_t which, palp_vec3 force) {
+    float *applied = f->applied_N + 3u * which;
     const float delta[3] = {force.x - applied[0], force.y - applied[1], force.z - applied[2]};
     if (!(palp_dot(palp_vec3_at(delta), palp_vec3_at(delta)) > 0.0f)) return;
-    palp_columns_add(&f->blob->columns[PALP_FREE][PALP_FREE], slot, delta, f->detail);
+    add_column(f, which, delta);
     applied[0] = force.x;
     applied[1] = force.y;
     applied[2] = force.z;
 }
 
+/* Number of a basis function among all; their count if the blob does not hold it. */
+static uint32_t number_of(const palp_field *f, palp_basis b) {
+    bool held =
+        b.level <= f->blob->meta->constraint_level && b.slot < f->blob->level[b.level].nodes;
+    return held ? f->first[b.level] + b.slot : count_of(f);
+}
+
 void palp_field_update(palp_field *field, const palp_load *loads, uint32_t count) {
-    const palp_blob *b = field->blob;
-    uint32_t nodes = b->meta->nodes;
+    uint32_t all = count_of(field);
     for (uint32_t i = 0; i < count; i++) {
-        bool usable = loads[i].node < nodes && !palp_node_is_fixed(b, loads[i].node);
-        if (usable) field->wanted[palp_node_slot(b, loads[i].node)] = 1;
+        uint32_t which = number_of(field, loads[i].at);
+        if (which < all) field->wanted[which] = 1;
     }
     uint32_t kept = 0;
     for (uint32_t i = 0; i < field->loaded_count; i++) {
-        uint32_t slot = field->loaded[i];
-        if (field->wanted[slot] != 0u) {
-            field->wanted[slot] = 2;
-            field->loaded[kept++] = slot;
+        uint32_t which = field->loaded[i];
+        if (field->wanted[which] != 0u) {
+            field->wanted[which] = 2;
+            field->loaded[kept++] = which;
         } else {
-            change(field, slot, (palp_vec3){0});
+            change(field, which, (palp_vec3){0});
         }
     }
     field->loaded_count = kept;
     for (uint32_t i = 0; i < count; i++) {
-        if (loads[i].node >= nodes || palp_node_is_fixed(b, loads[i].node)) continue;
-        uint32_t slot = palp_node_slot(b, loads[i].node);
-        if (field->wanted[slot] == 1u) field->loaded[field->loaded_count++] = slot;
-        change(field, slot, loads[i].force_N);
-        field->wanted[slot] = 0;
+        uint32_t which = number_of(field, loads[i].at);
+        if (which >= all) continue;
+        if (field->wanted[which] == 1u) field->loaded[field->loaded_count++] = which;
+        change(field, which, loads[i].force_N);
+        field->wanted[which] = 0;
     }
     if (++field->updates >= PALP_FIELD_REFRESH) sum_from_scratch(field);
 }

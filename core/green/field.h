@@ -9,20 +9,23 @@
 
 #include "core/base/arena.h"
 #include "core/base/real.h"
-#include "core/green/columns.h"
+#include "core/green/hierarchy.h"
 
+/* A force on a basis function of the constraint hierarchy; on the constraint level itself, when
+ * that is the finest, a nodal force. */
 typedef struct {
-    uint32_t node;
+    palp_basis at;
     palp_vec3 force_N;
 } palp_load;
 
 typedef struct {
     const palp_blob *blob;
-    float *detail;    /* [slots][4] sum of columns so far */
-    float *field;     /* [slots][4] */
-    float *applied_N; /* [slots][3] forces that `detail` holds */
-    uint8_t *wanted;  /* [slots] marks of the current update */
-    uint32_t *loaded; /* [slots] slots with a force applied */
+    float *detail;                        /* [slots][4] sum of columns so far */
+    float *field;                         /* [slots][4] */
+    uint32_t first[PALP_MAX_LEVELS + 1u]; /* number of [l,0] among all basis functions */
+    float *applied_N;                     /* [all][3] forces that `detail` holds */
+    uint8_t *wanted;                      /* [all] marks of the current update */
+    uint32_t *loaded;                     /* [all] basis functions with a force applied */
     uint32_t loaded_count;
     uint32_t updates; /* since the last sum from scratch */
     palp_vec3 gravity_m_s2;
@@ -37,7 +40,8 @@ palp_status palp_field_init(palp_field *field, const palp_blob *blob, void *memo
 palp_status palp_field_gravity(palp_field *field, palp_vec3 acceleration_m_s2);
 
 /*
- * Replaces the forces by `loads` (nodes of the free domain, each at most once; others are ignored).
+ * Replaces the forces by `loads` (each basis function at most once; those that the blob does not
+ * hold are ignored).
  * Only columns whose force changed are summed; every PALP_FIELD_REFRESH updates all are, so that
  * rounding does not build up. Cost: 9 multiply-adds per stored block of each changed column.
  */

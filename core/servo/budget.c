@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "budget.h"
 
-#define SPHERE 60.0f            /* one sphere evaluation with its look-ups */
+#define BALL 60.0f /* one ball evaluated, with its look-ups */
+#define PAD 160.0f
+#define LOOKUP 24.0f            /* one block of a table, contracted and cached */
 #define FRAMES_AND_POSE 8000.0f /* decoding, kinematics, output chain, encoding */
 #define DESCENT 32.0f           /* moves of the nearest node, as in contact.c */
 
@@ -25,45 +27,74 @@ static float most_in_block(const palp_blob *b) {
     return nine_runs < all ? nine_runs : all;
 }
 
-palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits) {
+palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
+                             const palp_tool *tools, uint32_t tool_count) {
     const palp_meta *m = blob->meta;
-    float candidates = (float)limits.max_candidates;
-    float active = (float)limits.max_active;
-    float ring = (float)m->max_ring;
-    float row = (float)m->max_row;
+    palp_cost_bound b = {.fixed = FRAMES_AND_POSE, .columns = 3.0f * (float)tool_count};
+    float candidates = (float)limits.max_candidates, active = (float)limits.max_active;
+    float ring = (float)m->max_ring, row = (float)m->max_row;
     float slots = (float)m->domain_nodes[PALP_FREE];
-    float column = (float)(m->max_groups * PALP_LANES);
-    return (palp_cost_bound){
-        .fixed = FRAMES_AND_POSE,
-        .search = candidates * (SPHERE + 5.0f * active) +
-                  candidates * ring * (SPHERE + 3.0f * (float)limits.max_new) +
-                  candidates * candidates * 3.0f + 8.0f * (most_in_block(blob) + DESCENT * ring),
-        .row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row,
-        .extraction = 16.0f * row + column + 40.0f,
-    };
+    for (uint32_t t = 0; t < tool_count; t++) {
+        float one = tools[t].balls > 0u ? BALL * (float)tools[t].balls : PAD;
+        b.tool = palp_max(b.tool, one);
+    }
+    b.search =
+        candidates * (b.tool + 5.0f * active) +
+        (candidates * ring + (float)PALP_CONTACT_SCAN) * (b.tool + 3.0f * (float)limits.max_new) +
+        candidates * candidates * 3.0f +
+        (float)tool_count * 8.0f * (most_in_block(blob) + DESCENT * ring);
+    b.row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row;
+    b.extraction = 16.0f * row + (float)(m->max_groups * PALP_LANES) + 40.0f;
+    for (uint32_t l = 0; l <= m->constraint_level; l++) {
+        if (blob->level[l].table != NULL) b.tables |= 1u << l;
+    }
+    float coarsest = (float)blob->level[b.tables != 0u ? 0u : m->constraint_level].nodes;
+    b.limit_active = active;
+    b.limit_candidates = candidates;
+    b.least_candidates = palp_min(candidates, coarsest);
+    b.least_active = palp_min(active, coarsest);
+    return b;
 }
 
-float palp_cost_admit(const palp_cost_bound *bound, uint32_t count) {
-    return bound->row + (2.0f * (float)count + 1.0f) * bound->extraction;
+float palp_cost_admit(const palp_cost_bound *bound, uint32_t level, uint32_t count) {
+    float pairs = (float)count + 1.0f;
+    if ((bound->tables >> level & 1u) != 0u) return bound->tool + pairs * LOOKUP;
+    return bound->tool + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;
 }
 
-float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots) {
+float palp_cost_pivot(const palp_cost_bound *bound, uint32_t count, uint32_t active) {
+    float n = (float)active, k = bound->columns;
+    return 5.0f * n * n + k * (0.5f * n * n + k * n) + (float)count * (2.0f * n + 6.0f) +
+           32.0f * n + k * k * k;
+}
+
+float palp_cost_solve(const palp_cost_bound *bound, uint32_t count, uint32_t active) {
     float n = (float)active;
-    /* depths, refactorisation, relief of what found no room, axis and force */
-    float once = (float)count * (SPHERE + 2.0f * n) + n * n * n / 6.0f + n * n + 20.0f * n;
-    float step = 2.5f * n * n + 24.0f * n; /* z, with the spring's give */
-    float exchange = 2.5f * n * n + 8.0f * n;
-    float violation = (float)count * (2.0f * n + 6.0f); /* is it active, and its indentation */
-    return once + (float)pivots * (step + exchange + violation);
+    return (float)count * (bound->tool + 4.0f) + n * n * n / 6.0f + 40.0f * n;
+}
+
+float palp_cost_answer(const palp_cost_bound *bound, uint32_t count, uint32_t active,
+                       uint32_t pivots) {
+    float n = (float)active;
+    float solve = palp_cost_solve(bound, count, active) +
+                  (float)pivots * palp_cost_pivot(bound, count, active);
+    return (float)PALP_COUPLING_SOLVES * solve + 10.0f * n * n;
+}
+
+float palp_cost_change(const palp_cost_bound *bound, uint32_t load) {
+    float h = (float)load;
+    return h * (bound->tool + 40.0f + 0.5f * LOOKUP * h) + h * h * h / 6.0f + 3.0f * h * h;
 }
 
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits) {
-    float solve = palp_cost_solve(limits.max_candidates, limits.max_active, limits.max_pivots);
-    return bound->fixed + bound->search + (float)PALP_COUPLING_SOLVES * solve +
-           (float)limits.max_new * palp_cost_admit(bound, limits.max_candidates - 1u);
+    uint32_t level = PALP_MAX_LEVELS; /* no table */
+    return bound->fixed + bound->search +
+           palp_cost_answer(bound, limits.max_candidates, limits.max_active, limits.max_pivots) +
+           (float)limits.max_new * palp_cost_admit(bound, level, limits.max_candidates - 1u);
 }
 
-float palp_cost_least(const palp_cost_bound *bound, palp_contact_limits limits) {
-    float solve = palp_cost_solve(limits.max_candidates, limits.max_active, 1u);
-    return bound->fixed + bound->search + (float)PALP_COUPLING_SOLVES * solve;
+float palp_cost_least(const palp_cost_bound *bound) {
+    return bound->fixed + bound->search +
+           palp_cost_answer(bound, (uint32_t)bound->least_candidates, (uint32_t)bound->least_active,
+                            1u);
 }

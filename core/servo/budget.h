@@ -2,13 +2,15 @@
 /*
  * What a tick can cost at most, in operations (one multiply-add, compare or table step with its
  * loads) and, through the target's cost table, in time. Every bound is a formula in counts that are
- * fixed once the blob and the limits are known, so a simulation that cannot be in time is refused
- * when it is opened.
+ * known before the step is begun: of the blob, of the limits, or of the contact as it stands. So a
+ * simulation that cannot be in time is refused when it is opened, and a step that cannot be is not
+ * begun.
  */
 #ifndef PALP_SERVO_BUDGET_H
 #define PALP_SERVO_BUDGET_H
 
 #include "core/touch/coupling.h"
+#include "core/touch/ladder.h"
 
 /* The port: the only function pointers in core. */
 typedef struct {
@@ -25,24 +27,40 @@ typedef struct {
 typedef struct {
     float fixed;      /* frames, kinematics, output chain */
     float search;     /* candidates and grid, at the limits */
+    float tool;       /* one evaluation of the tool */
     float row;        /* one row of W^-1 */
     float extraction; /* one block of G from a compressed column */
+    float columns;    /* of the springs: 3 per tool */
+    uint32_t tables;  /* bit per level that has one */
+    float limit_active, limit_candidates;
+    float least_active, least_candidates; /* most that the coarsest rung can have of either */
 } palp_cost_bound;
 
-palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits);
+palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
+                             const palp_tool *tools, uint32_t tool_count);
 
-/* Taking one node in while `count` candidates are there: row + (2 count + 1) extraction. */
-float palp_cost_admit(const palp_cost_bound *bound, uint32_t count);
+/* Taking one candidate in while `count` are there: count + 1 look-ups on a level with a table, else
+ * row + (2 count + 1) extraction. */
+float palp_cost_admit(const palp_cost_bound *bound, uint32_t level, uint32_t count);
 
-/*
- * One contact solve with `count` candidates, at most `active` nodes in contact and `pivots` steps:
- * count (60 + 2 active) + active^3/6 + active^2 + 20 active
- * + pivots (5 active^2 + 32 active + count (2 active + 6)).
- */
-float palp_cost_solve(uint32_t count, uint32_t active, uint32_t pivots);
+/* One pivot with `active` in contact: 5 active^2 + columns (active^2 / 2 + columns active) +
+ * count (2 active + 6) + 32 active. */
+float palp_cost_pivot(const palp_cost_bound *bound, uint32_t count, uint32_t active);
 
-/* The whole tick: everything that the limits allow, and the least that still is an answer. */
+/* Beginning and ending one solve: count (tool + 4) + active^3 / 6 + 40 active. */
+float palp_cost_solve(const palp_cost_bound *bound, uint32_t count, uint32_t active);
+
+/* The PALP_COUPLING_SOLVES solves of a tick with `pivots` each, and friction. */
+float palp_cost_answer(const palp_cost_bound *bound, uint32_t count, uint32_t active,
+                       uint32_t pivots);
+
+/* Going over to a rung on which `load` basis functions carry the forces: load^2 / 2 look-ups,
+ * load^3 / 6 + 3 load^2, load evaluations of the tool. */
+float palp_cost_change(const palp_cost_bound *bound, uint32_t load);
+
+/* The whole tick: everything that the limits allow on the finest level, and the least that still is
+ * an answer, on the coarsest. */
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits);
-float palp_cost_least(const palp_cost_bound *bound, palp_contact_limits limits);
+float palp_cost_least(const palp_cost_bound *bound);
 
 #endif

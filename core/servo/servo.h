@@ -9,6 +9,7 @@
 #define PALP_SERVO_SERVO_H
 
 #include "core/device/canframe.h"
+#include "core/green/field.h"
 #include "core/servo/budget.h"
 #include "core/servo/output.h"
 
@@ -26,7 +27,7 @@ typedef struct {
     palp_cost_table cost;
     palp_port port;
     float rate_hz;
-    float tool_radius_m; /* in the model */
+    palp_tool tool; /* in the model */
 } palp_servo_config;
 
 typedef enum {
@@ -59,14 +60,16 @@ typedef struct {
     uint64_t ticks, accepted, rejected, repeated, late, implausible;
     uint64_t shortened; /* ticks that did less than the limits allow because time ran out */
     uint64_t limited, overruns;
-    uint64_t skipped; /* periods in which the caller did not tick */
+    uint64_t dropped, climbed; /* changes of the constraint level */
+    uint64_t skipped;          /* periods in which the caller did not tick */
 } palp_counters;
 
 typedef struct {
     uint64_t tick;
     palp_state state;
-    uint32_t faults; /* PALP_FAULT_ bits, latched */
-    uint32_t level;  /* constraint level of the answer (finest until coarser ones exist) */
+    uint32_t faults;  /* PALP_FAULT_ bits, latched */
+    uint32_t level;   /* constraint level of the answer */
+    uint32_t aborted; /* levels given up in this tick */
     uint32_t contact_flags, pivots, candidates, active, admitted, deferred;
     float bound_ns, elapsed_ns;
     float joint_rad[PALP_AXES];
@@ -77,7 +80,7 @@ typedef struct {
     float stored_J;    /* contact and coupling, in device units */
     float absorbed_J;  /* net energy that the hand has put in since RUN */
     float unsettled_m; /* last move of the tool in its settling (model) */
-    bool shortened;
+    bool shortened, slipping;
 } palp_report;
 
 typedef struct palp_servo palp_servo;
@@ -111,8 +114,16 @@ void palp_servo_bus_failed(palp_servo *servo);
 uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t in_count,
                          palp_can_frame *out, palp_report *report);
 
+/*
+ * Work for the time left after the frames are sent: prepares and takes over a finer constraint
+ * level when there is room for one. Looks at the clock before each step and returns in time.
+ * Without it the level comes back only when the tool lets go.
+ */
+void palp_servo_spare(palp_servo *servo);
+
 const palp_counters *palp_servo_counters(const palp_servo *servo);
-/* For the display path: the contacts of the last tick, read only. */
-const palp_contact *palp_servo_contact(const palp_servo *servo);
+/* For the display path: the forces of the last tick on the body, in load[max_active]; returns how
+ * many. */
+uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load);
 
 #endif

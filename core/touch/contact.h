@@ -1,79 +1,105 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Unilateral frictionless contact between the tool and the surface, in bounded work.
+ * Unilateral contact between one or several rigid tools and the surface, on one constraint level,
+ * in bounded work.
  *
- * Candidates are nodes near the tool, kept from tick to tick with their mutual normal compliances
+ * Candidates are basis functions [l,k] of the contact's level near a tool, kept from tick to tick
+ * with their mutual normal compliances
  *
- *     g_ij = n_i^T (G_ij + G_ji^T) n_j / 2                        (selective reconstruction, MR 39)
+ *     g_ij = n_i^T G_[l,i][l,j] n_j        (MR 39, 69; energetic, green/hierarchy.h)
  *
- * plus the blob's softening on the diagonal, which keeps them positive definite after thresholding,
- * cached, so that the symmetric positive definite capacitance matrix costs nothing while the tool
- * stays in place. Contact forces lambda >= 0 solve the complementarity problem
+ * looked up in the level's table, or extracted from compressed columns and averaged over (i, j) and
+ * (j, i), plus the blob's softening on the diagonal, which keeps them positive definite after
+ * thresholding. They are cached, so the symmetric positive definite capacitance matrix costs
+ * nothing while the tools stay in place. Contact forces lambda >= 0 solve the complementarity
+ * problem
  *
  *     w = g lambda - d >= 0,   lambda >= 0,   w lambda = 0        (MATH.md 6)
  *
- * by a primal active set on the Cholesky factor: each step either finishes, lets one node in or
- * lets one out, and never leaves lambda >= 0 or raises the energy. It starts from the last tick's
- * set and stops after `max_pivots` steps with the best forces so far, flagged.
+ * by a primal active set on the Cholesky factor: each step either finishes, lets one candidate in
+ * or lets one out, and never leaves lambda >= 0 or raises the energy. It starts from the last
+ * tick's set. Steps are separate calls, so that the caller can look at the clock in between and
+ * stop with the best forces so far.
  *
- * A node that is found already under the tool (it came late, belongs to the far side of a thin
- * part, or found no room) is relieved of that depth: it feels only what the tool adds, and the
- * relief shrinks as the tool backs out. So nothing that the search or a capacity does can push the
- * tool, and a closed path never gains energy.
+ * A candidate that is found already under a tool (it came late, belongs to the far side of a thin
+ * part, found no room, or takes over from another level) is relieved of that depth: it feels only
+ * what the tool adds, and the relief shrinks as the tool backs out. So nothing that the search, a
+ * capacity or a change of level does can push the tool, and a closed path never gains energy.
  */
 #ifndef PALP_TOUCH_CONTACT_H
 #define PALP_TOUCH_CONTACT_H
 
 #include "core/base/arena.h"
-#include "core/green/columns.h"
-#include "core/touch/sphere.h"
+#include "core/green/hierarchy.h"
+#include "core/touch/tool.h"
 
 typedef struct {
-    uint32_t max_candidates; /* nodes near the tool, at most PALP_MAX_CANDIDATES */
-    uint32_t max_active;     /* nodes in contact */
+    uint32_t max_candidates; /* near the tools, at most PALP_MAX_CANDIDATES */
+    uint32_t max_active;     /* in contact */
     uint32_t max_new;        /* candidates taken in per tick */
     uint32_t max_pivots;     /* active set steps per solve */
+    bool friction;           /* keep full 3x3 compliances, which friction needs */
 } palp_contact_limits;
 
+#define PALP_MAX_TOOLS 4u
 #define PALP_MAX_CANDIDATES 256u
-#define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u})
+#define PALP_CONTACT_SCAN 32u /* slots looked at in turn by each search */
+#define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u, false})
 
 #define PALP_CONTACT_PIVOTS_SPENT 1u /* stopped before the complementarity conditions held */
-#define PALP_CONTACT_ACTIVE_FULL 2u  /* more nodes wanted in than max_active */
+#define PALP_CONTACT_ACTIVE_FULL 2u  /* more candidates wanted in than max_active */
 #define PALP_CONTACT_CANDIDATES_FULL 4u
 #define PALP_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
-#define PALP_CONTACT_REDUNDANT 16u /* a node was left out because its pivot vanished */
+#define PALP_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
+
+/* Something that search found: a slot of the contact's level, and the tool near it. */
+typedef struct {
+    uint32_t slot, tool;
+} palp_fresh;
 
 typedef struct {
-    uint32_t node;
-    palp_vec3 x, n;         /* where it is without contact, and its normal */
-    palp_sphere_contact at; /* the tool as it sees it now */
-    float relief_m;         /* depth that it does not feel */
-    float target_m;         /* indentation that it asks for with no force on the tool */
-    float force_N;          /* lambda, along -n on the body */
-    uint32_t blocked;       /* solve in which its pivot vanished */
+    uint32_t node, slot, tool;
+    palp_vec3 x, n;   /* where it is without contact, and its normal */
+    palp_touch at;    /* the tool as it sees it now */
+    float relief_m;   /* depth that it does not feel; below 0: depth that it feels beyond its own */
+    float target_m;   /* indentation that it asks for with no force on the tool */
+    float force_N;    /* lambda, along -n on the body */
+    uint32_t blocked; /* solve in which its pivot vanished */
 } palp_candidate;
+
+/*
+ * A tool that hangs on a spring: it sits at c = held_m + F / stiffness with F the contact force on
+ * it. Stiffness 0 stands for a rigid grip, c = held_m.
+ */
+typedef struct {
+    palp_vec3 held_m;
+    float stiffness_N_per_m;
+} palp_grip;
 
 typedef struct {
     const palp_blob *blob;
     const float *position_m; /* [nodes][3] surface without contact */
+    const palp_tool *tools;
+    uint32_t tool_count, level;
     palp_contact_limits limits;
-    float radius_m, margin_m;
     palp_candidate *candidate; /* [max_candidates], the first `count` in use */
-    palp_row *row;             /* [max_candidates] */
+    palp_row *row;             /* [max_candidates], unless the level has a table */
     float *compliance;         /* [max_candidates][max_candidates] g */
+    float *block;              /* the same, 3x3, with limits.friction */
     float *factor;             /* [max_active][max_active] R, C = R^T R */
     uint32_t *active;          /* [max_active] candidate of each row of R */
     float *target, *work;      /* [max_active + 1] */
-    float *jacobian[3];        /* [max_active] R^-T J, one column each */
-    uint16_t *place;           /* [nodes] candidate number + 1, 0 if none */
+    float *jacobian;           /* [3 PALP_MAX_TOOLS][max_active] R^-T J */
+    uint16_t *place;           /* [free slots] candidate number + 1, 0 if none */
     palp_row_scratch scratch;
-    uint32_t count, active_count, nearest, solves, changes;
-    uint32_t flags;          /* of the last tick */
-    uint32_t pivots;         /* of the last tick */
-    palp_vec3 axis;          /* outward direction of the contact */
-    palp_vec3 center;        /* of the last search */
-    float stiffness_N_per_m; /* of the last grip */
+    uint32_t count, active_count, solves, changes, scan, probe;
+    uint32_t nearest[PALP_MAX_TOOLS]; /* node */
+    uint32_t flags;                   /* of the last tick */
+    uint32_t pivots;                  /* of the last tick */
+    uint32_t pivots_now;              /* of the solve under way */
+    palp_grip grip[PALP_MAX_TOOLS];   /* of the last solve */
+    palp_vec3 about[PALP_MAX_TOOLS];  /* of the last search or solve */
+    uint64_t work_done;               /* multiply-adds and look-ups so far, counted */
 } palp_contact;
 
 /* Each limit at least 1, max_candidates at most PALP_MAX_CANDIDATES, the others at most
@@ -83,52 +109,64 @@ bool palp_contact_limits_sound(palp_contact_limits limits);
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
 
 /*
- * `position_m` (float[nodes][3], kept by reference): the surface without contact, normally
- * blob->rest_m. Errors: LIMITS, ARGUMENT (radius not positive), MEMORY, ALIGNMENT.
+ * `position_m` (float[nodes][3]: the surface without contact, normally blob->rest_m) and `tools`
+ * are kept by reference. Starts on the blob's constraint level. Errors: LIMITS, ARGUMENT (unsound
+ * tools, or friction without limits.friction), MEMORY, ALIGNMENT.
  */
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
-                              float radius_m, palp_contact_limits limits, void *memory,
-                              size_t bytes);
+                              const palp_tool *tools, uint32_t tool_count,
+                              palp_contact_limits limits, void *memory, size_t bytes);
 
-/* Forgets all contacts. */
-void palp_contact_clear(palp_contact *contact);
+/* Forgets all contacts; further ones are sought on `level`, at most the blob's constraint level. */
+void palp_contact_clear(palp_contact *contact, uint32_t level);
 
 /*
- * Updates the candidates for a tool at `center`: drops idle ones out of reach, walks the surface
- * from the others (from the grid when nothing touches), and lists up to max_new nodes to take in,
- * nearest first. Returns how many are listed in `fresh`. Cost: max_candidates * max_ring sphere
- * evaluations plus one look at 27 grid cells.
+ * Updates the candidates for tools at center[tool_count]: drops idle ones out of reach, walks the
+ * surface from the others and from the node nearest to a tool that touches nothing, looks at the
+ * next PALP_CONTACT_SCAN slots in turn, and lists up to max_new to take in, deepest first. Returns
+ * how many are listed in `fresh`. Cost: max_candidates (1 + max_ring) + PALP_CONTACT_SCAN
+ * evaluations of a tool, and one look at 27 grid cells.
  */
-uint32_t palp_contact_search(palp_contact *contact, palp_vec3 center, uint32_t *fresh);
+uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh);
 
 /*
- * Takes `node` in: one row of W^-1 and 2 count + 1 extractions. Call it for the nodes listed by
- * search, as far as time allows; the rest is found again on the next tick.
+ * Takes one in. On a level with a table: count + 1 look-ups; else one row of W^-1 and 2 count + 1
+ * extractions. Call it for what search lists, as far as time allows; the rest is found again on the
+ * next tick.
  */
-void palp_contact_admit(palp_contact *contact, uint32_t node);
+void palp_contact_admit(palp_contact *contact, palp_fresh fresh);
 
 /*
- * A tool that hangs on a spring: it sits at c = held_m + F / stiffness with F the force on it.
- * Stiffness 0 stands for a rigid grip, c = held_m.
- */
-typedef struct {
-    palp_vec3 held_m;
-    float stiffness_N_per_m;
-} palp_grip;
-
-/*
- * Solves with the depths linearised about a tool at `about`:
+ * A solve in steps. begin linearises the depths about tools at `about`:
  *
  *     d(c) = d(about) - J (c - about),   J = rows `push`,   F = J^T lambda
- *     (g + J J^T / k) lambda - (d(about) - J (held - about)) >= 0,  complementary to lambda >= 0
+ *     (g + J K^-1 J^T) lambda - (d(about) - J (held - about)) >= 0,  complementary to lambda >= 0
  *
- * The factor is that of g alone, whatever the pose; the spring enters by Woodbury's identity with a
- * 3 x 3 system. Returns F (N). Cost per pivot: 3 active^2 for the solve, active^2 for the exchange,
- * count * active for the violations; at most max_pivots of them.
+ * The factor is that of g alone, whatever the pose; the springs enter by Woodbury's identity with a
+ * system of three unknowns per tool. Each step is one pivot, and returns false when there is
+ * nothing left to do or max_pivots are spent. Cost of a step: 2.5 active^2 for the solve, 2.5
+ * active^2 for the exchange, count * active for the violations.
  */
+void palp_contact_begin(palp_contact *contact, const palp_vec3 *about, const palp_grip *grip);
+bool palp_contact_step(palp_contact *contact);
+/* Force on tool `tool` (N). */
+palp_vec3 palp_contact_force(const palp_contact *contact, uint32_t tool);
+
+/* begin, all steps, and the force on the only tool. */
 palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip);
 
 /* Elastic energy of the contact, lambda^T g lambda / 2 (J). active^2 multiply-adds. */
 float palp_contact_energy(const palp_contact *contact);
+
+/* Sum of the normal forces under tool `tool` (N), and the direction of their resultant. */
+float palp_contact_normal_force(const palp_contact *contact, uint32_t tool, palp_vec3 *axis);
+
+/* For the files of this folder. */
+float palp_contact_indentation(const palp_contact *contact, uint32_t candidate);
+bool palp_contact_is_active(const palp_contact *contact, uint32_t candidate);
+bool palp_contact_let_in(palp_contact *contact, uint32_t candidate);
+static inline float palp_contact_g(const palp_contact *contact, uint32_t i, uint32_t j) {
+    return contact->compliance[(size_t)i * contact->limits.max_candidates + j];
+}
 
 #endif

@@ -1,10 +1,62 @@
 /* SPDX-License-Identifier: MIT */
 #include "coupling.h"
 
-#define SETTLED 1e-4f     /* a move this small, over the radius, is the last */
-#define LARGEST_MOVE 0.5f /* over the radius, per solve */
+#define SETTLED 1e-4f     /* a move this small, over the tool's size, is the last */
+#define LARGEST_MOVE 0.5f /* over the tool's size, per solve */
 
-void palp_coupling_reset(palp_coupling *coupling) { coupling->placed = false; }
+void palp_coupling_reset(palp_coupling *coupling) {
+    for (uint32_t t = 0; t < PALP_MAX_TOOLS; t++) {
+        coupling->spring[t].placed = false;
+        coupling->spring[t].contact_N = (palp_vec3){0};
+        palp_friction_reset(&coupling->spring[t].friction);
+    }
+}
+
+static bool touches(const palp_contact *contact, uint32_t tool) {
+    palp_vec3 axis;
+    return palp_contact_normal_force(contact, tool, &axis) > 0.0f;
+}
+
+void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *contact,
+                           const palp_vec3 *device_m, palp_vec3 *center) {
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        const palp_spring *s = &coupling->spring[t];
+        center[t] = s->placed && touches(contact, t) ? s->tool_m : device_m[t];
+    }
+}
+
+void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact,
+                         const palp_vec3 *device_m) {
+    coupling->solves = 0;
+    coupling->solving = false;
+    coupling->moved_m = 0.0f;
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        palp_spring *s = &coupling->spring[t];
+        bool held = s->placed && touches(contact, t);
+        coupling->next_m[t] = device_m[t];
+        if (!held) s->tool_m = device_m[t];
+        if (contact->tools[t].friction > 0.0f)
+            palp_friction_prepare(&s->friction, contact, t, s->tool_m);
+    }
+}
+
+static palp_grip grip_of(const palp_coupling *c, uint32_t t) {
+    return (palp_grip){c->next_m[t], c->spring[t].stiffness_N_per_m};
+}
+
+static void begin_solve(palp_coupling *c, palp_contact *contact) {
+    palp_vec3 about[PALP_MAX_TOOLS];
+    palp_grip grip[PALP_MAX_TOOLS];
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        const palp_spring *s = &c->spring[t];
+        about[t] = s->tool_m;
+        grip[t] = grip_of(c, t);
+        grip[t].held_m =
+            palp_madd(grip[t].held_m, 1.0f / s->stiffness_N_per_m, s->friction.force_N);
+    }
+    palp_contact_begin(contact, about, grip);
+    c->solving = true;
+}
 
 /* `to`, or as far towards it as one solve may move the tool. */
 static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
@@ -13,31 +65,54 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
     return length > farthest ? palp_madd(from, farthest / length, move) : to;
 }
 
-palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *contact,
-                                        palp_vec3 device_m, float dt_s) {
-    palp_coupling *c = coupling;
-    palp_grip grip = {.held_m = device_m, .stiffness_N_per_m = c->stiffness_N_per_m};
-    bool touched = c->placed && contact->active_count > 0u;
-    palp_vec3 tool = touched ? c->tool_m : device_m;
-    palp_vec3 force = {0};
-    float moved = 0.0f;
-    for (uint32_t i = 0; i < PALP_COUPLING_SOLVES; i++) {
-        palp_vec3 about = tool;
-        force = palp_contact_solve(contact, about, grip);
-        palp_vec3 rest = palp_madd(device_m, 1.0f / c->stiffness_N_per_m, force);
-        tool = approach(about, rest, LARGEST_MOVE * contact->radius_m);
-        moved = palp_norm(palp_sub(tool, about));
-        if (moved <= SETTLED * contact->radius_m) break;
+/* Moves the tools to where their forces let them rest; true when they are settled. */
+static bool end_solve(palp_coupling *c, const palp_contact *contact) {
+    bool settled = true;
+    c->moved_m = 0.0f;
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        palp_spring *s = &c->spring[t];
+        float size = palp_tool_size(&contact->tools[t]);
+        s->contact_N = palp_contact_force(contact, t);
+        if (contact->tools[t].friction > 0.0f)
+            palp_friction_solve(&s->friction, contact, t, grip_of(c, t), s->contact_N);
+        palp_vec3 total = palp_add(s->contact_N, s->friction.force_N);
+        palp_vec3 rest = palp_madd(c->next_m[t], 1.0f / s->stiffness_N_per_m, total);
+        palp_vec3 from = s->tool_m;
+        s->tool_m = approach(from, rest, LARGEST_MOVE * size);
+        float moved = palp_norm(palp_sub(s->tool_m, from));
+        settled = settled && moved <= SETTLED * size;
+        c->moved_m = palp_max(c->moved_m, moved);
     }
-    float energy =
-        palp_contact_energy(contact) + 0.5f / c->stiffness_N_per_m * palp_dot(force, force);
-    if (c->placed && contact->active_count > 0u) {
-        palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device_m, c->device_m));
-        force = palp_madd(force, -c->damping_Ns_per_m, velocity);
+    c->solves++;
+    c->solving = false;
+    return settled;
+}
+
+bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact) {
+    if (!coupling->solving) begin_solve(coupling, contact);
+    if (palp_contact_step(contact)) return true;
+    return !end_solve(coupling, contact) && coupling->solves < PALP_COUPLING_SOLVES;
+}
+
+void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,
+                       palp_coupling_result *result) {
+    if (coupling->solving) (void)end_solve(coupling, contact);
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        palp_spring *s = &coupling->spring[t];
+        palp_vec3 force = palp_add(s->contact_N, s->friction.force_N);
+        float energy = palp_contact_energy(contact) + palp_friction_energy(&s->friction) +
+                       0.5f / s->stiffness_N_per_m * palp_dot(force, force);
+        palp_friction_settle(&s->friction, s->tool_m);
+        if (s->placed && touches(contact, t)) {
+            palp_vec3 velocity =
+                palp_scale(1.0f / dt_s, palp_sub(coupling->next_m[t], s->device_m));
+            force = palp_madd(force, -s->damping_Ns_per_m, velocity);
+        }
+        s->device_m = coupling->next_m[t];
+        s->placed = true;
+        result[t] = (palp_coupling_result){.force_N = force,
+                                           .tool_m = s->tool_m,
+                                           .energy_J = energy,
+                                           .moved_m = coupling->moved_m};
     }
-    c->tool_m = tool;
-    c->device_m = device_m;
-    c->placed = true;
-    return (palp_coupling_result){
-        .force_N = force, .tool_m = tool, .energy_J = energy, .moved_m = moved};
 }

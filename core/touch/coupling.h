@@ -1,47 +1,63 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The virtual coupling: a spring between the device and the tool that it holds (Colgate's virtual
- * coupling).
+ * Virtual coupling: each tool hangs on the device by a spring, and the tick finds where it comes to
+ * rest on the surface (a god-object, or proxy, with the device's stiffness limit).
  *
- * The tool has no mass, so it rests where the contact force F balances the spring k at device
- * position p: c = p + F / k. The contact problem is solved with the spring's give in it, about the
- * last tool position, and again about each new one, so that the active set and the tool settle
- * together.
+ *     tool = device + (F + T) / k,   F(tool), T(tool) the contact and friction forces
+ *     force on the hand = F + T - b * velocity of the device     (while touching)
  *
- * The device feels f = k (c - p) - b dp/dt while it touches. The spring part is the gradient of the
- * joint minimum of contact and spring energy, so it gains nothing on a closed path. The damper
- * holds on to the ground, not to the tool: between tool and device it would act on the spring force
- * alone, and give energy where a convex body lets that force fall along the way.
+ * F and T are solved together with the spring, linearised about the last tool position, in up to
+ * PALP_COUPLING_SOLVES contact solves, taken one pivot at a time so that the caller can stop. The
+ * rest position is a function of the device position alone while nothing slips, so the coupling
+ * stores energy but makes none. The damper acts on the hand directly and only takes energy.
  */
 #ifndef PALP_TOUCH_COUPLING_H
 #define PALP_TOUCH_COUPLING_H
 
-#include "core/touch/contact.h"
+#include "core/touch/friction.h"
 
-#define PALP_COUPLING_SOLVES 3u /* contact solves per tick */
+#define PALP_COUPLING_SOLVES 3u
+
+/* One tool on its spring. */
+typedef struct {
+    float stiffness_N_per_m; /* k > 0 */
+    float damping_Ns_per_m;  /* b >= 0 */
+    palp_vec3 tool_m, device_m;
+    palp_vec3 contact_N; /* F of the last solve */
+    palp_friction friction;
+    bool placed;
+} palp_spring;
 
 typedef struct {
-    float stiffness_N_per_m, damping_Ns_per_m;
-    palp_vec3 tool_m, device_m; /* of the last step */
-    bool placed;
+    palp_spring spring[PALP_MAX_TOOLS];
+    palp_vec3 next_m[PALP_MAX_TOOLS]; /* device positions of the tick under way */
+    uint32_t solves;                  /* finished in it */
+    bool solving;
+    float moved_m; /* last move of a tool */
 } palp_coupling;
 
 typedef struct {
     palp_vec3 force_N; /* on the device */
     palp_vec3 tool_m;
-    float energy_J; /* contact and spring */
-    float moved_m;  /* by the tool in the last solve: what is left of its settling */
+    float moved_m;  /* last move of the tool: what is left unsettled */
+    float energy_J; /* stored in this tool's spring and friction, and in the whole contact */
 } palp_coupling_result;
 
-/* Starts over with the tool at the device. */
+/* Lets all tools go; the next tick finds them at the device. */
 void palp_coupling_reset(palp_coupling *coupling);
 
-/*
- * One tick of `dt_s` with the device at `device_m`: at most PALP_COUPLING_SOLVES contact solves.
- * Search and admit have been done around the tool (coupling->tool_m, or the device if nothing
- * touches).
- */
-palp_coupling_result palp_coupling_step(palp_coupling *coupling, palp_contact *contact,
-                                        palp_vec3 device_m, float dt_s);
+/* Where the search for a tick should look: the tools that touch stay where they are. */
+void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *contact,
+                           const palp_vec3 *device_m, palp_vec3 *center);
+
+/* Begins a tick with the devices at device_m[tool_count]; the candidates are up to date. */
+void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact, const palp_vec3 *device_m);
+
+/* One pivot, with what begins or ends the solve that it belongs to; false when all is settled. */
+bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact);
+
+/* Ends the tick, settled or not, with the forces reached. */
+void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,
+                       palp_coupling_result *result);
 
 #endif

@@ -19,28 +19,30 @@ static float typical(float *sample, size_t count) {
     return count > 0 ? sample[(size_t)(0.9 * (double)(count - 1))] : 0;
 }
 
-float calibrate(const palp_blob *blob, palp_contact_limits limits, uint32_t node, float radius_m) {
+float calibrate(const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+                uint32_t node) {
     palp_contact contact;
     size_t bytes = palp_contact_memsize(blob, limits);
     void *memory = allocate_aligned(bytes, 1);
-    palp_cost_bound bound = palp_cost_of(blob, limits);
-    uint32_t *fresh = allocate(limits.max_candidates, sizeof *fresh);
+    palp_cost_bound bound = palp_cost_of(blob, limits, tool, 1);
+    palp_fresh *fresh = allocate(limits.max_candidates, sizeof *fresh);
+    float size = palp_tool_size(tool);
     float *admit = allocate(ROUNDS * limits.max_candidates, sizeof *admit);
     float *solve = allocate(ROUNDS * 64, sizeof *solve);
     size_t admits = 0, solves = 0;
     palp_vec3 n = palp_vec3_at(blob->normal + 3 * node);
     palp_vec3 x = palp_vec3_at(blob->rest_m + 3 * node);
-    if (palp_contact_init(&contact, blob, blob->rest_m, radius_m, limits, memory, bytes) !=
+    if (palp_contact_init(&contact, blob, blob->rest_m, tool, 1, limits, memory, bytes) !=
         PALP_OK) {
         die(EXIT_WORK, "the contact limits are unsound");
     }
     for (int round = 0; round < ROUNDS; round++) {
-        palp_contact_clear(&contact);
+        palp_contact_clear(&contact, blob->meta->constraint_level);
         for (int step = 0; step < 64; step++) {
-            palp_vec3 center = palp_madd(x, radius_m * (1.0f - 0.01f * (float)step), n);
-            uint32_t count = palp_contact_search(&contact, center, fresh);
+            palp_vec3 center = palp_madd(x, size * (1.0f - 0.01f * (float)step), n);
+            uint32_t count = palp_contact_search(&contact, &center, fresh);
             for (uint32_t i = 0; i < count; i++) {
-                float operations = palp_cost_admit(&bound, contact.count);
+                float operations = palp_cost_admit(&bound, contact.level, contact.count);
                 uint64_t start = monotonic_ns(NULL);
                 palp_contact_admit(&contact, fresh[i]);
                 if (admits < (size_t)ROUNDS * limits.max_candidates) {
@@ -49,8 +51,9 @@ float calibrate(const palp_blob *blob, palp_contact_limits limits, uint32_t node
             }
             uint64_t start = monotonic_ns(NULL);
             (void)palp_contact_solve(&contact, center, (palp_grip){.held_m = center});
-            float operations =
-                palp_cost_solve(contact.count, contact.active_count, contact.pivots + 1);
+            float operations = palp_cost_solve(&bound, contact.count, contact.active_count) +
+                               (float)(contact.pivots + 1) *
+                                   palp_cost_pivot(&bound, contact.count, contact.active_count);
             solve[solves++] = (float)(monotonic_ns(NULL) - start) / operations;
         }
     }

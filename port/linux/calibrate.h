@@ -7,6 +7,7 @@
 #include "core/servo/budget.h"
 
 /* Upper estimate of ns per operation, from timing admissions and solves around `node`. */
-float calibrate(const palp_blob *blob, palp_contact_limits limits, uint32_t node, float radius_m);
+float calibrate(const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+                uint32_t node);
 
 #endif

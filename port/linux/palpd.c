@@ -171,15 +171,10 @@ typedef struct {
 
 static void keep_peak(peak *p, const palp_servo *servo, const palp_report *r) {
     float force = palp_norm(r->force_N);
-    const palp_contact *c = palp_servo_contact(servo);
     if (force <= p->force_N) return;
     p->force_N = force;
     p->tool_m = r->tool_m;
-    p->count = c->active_count;
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        const palp_candidate *k = &c->candidate[c->active[a]];
-        p->load[a] = (palp_load){k->node, palp_scale(-k->force_N, k->n)};
-    }
+    p->count = palp_servo_loads(servo, p->load);
 }
 
 static float *peak_displacement(const palp_blob *blob, const peak *p) {
@@ -262,6 +257,7 @@ static void run_tick(session *s, uint64_t tick, float late_us) {
     if (s->bus->health.failed) palp_servo_bus_failed(s->servo);
     uint32_t n_out = palp_servo_tick(s->servo, in, n_in, out, &report);
     for (uint32_t i = 0; i < n_out; i++) bus_send(s->bus, &out[i]);
+    palp_servo_spare(s->servo);
     keep_peak(&s->peak, s->servo, &report);
     log_frames(s, time_s, in, n_in);
     log_frames(s, time_s, out, n_out);
@@ -343,10 +339,10 @@ int main(int argc, char **argv) {
                                 .placement = touch.placement,
                                 .rate_hz = (float)s.rate_hz,
                                 .limits = PALP_CONTACT_DEFAULTS,
-                                .tool_radius_m = touch.tool_radius_m,
+                                .tool = palp_tool_sphere(touch.tool_radius_m),
                                 .cost = {.margin = TICK_SHARE},
                                 .port = {.now_ns = monotonic_ns}};
-    config.cost.ns_per_operation = calibrate(&blob, config.limits, touch.node, touch.tool_radius_m);
+    config.cost.ns_per_operation = calibrate(&blob, config.limits, &config.tool, touch.node);
     ses.servo = open_servo(&blob, &config);
     ses.capacity =
         s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;

@@ -127,7 +127,7 @@ static void measure(const setting *s, double epsilon, double compression, double
 
 /* What one contact tick costs while the tool slides, per number of nodes in contact. */
 static void measure_contact(const palp_blob *b) {
-    uint32_t fresh[PALP_MAX_CANDIDATES];
+    palp_fresh fresh[PALP_MAX_CANDIDATES];
     size_t bytes = palp_contact_memsize(b, PALP_CONTACT_DEFAULTS);
     palp_contact c;
     float edge = b->meta->mean_edge_m;
@@ -138,13 +138,14 @@ static void measure_contact(const palp_blob *b) {
         for (uint32_t i = 0; i < b->meta->nodes; i++) {
             if (b->rest_m[3 * i + 1] < b->rest_m[3 * top + 1] && !palp_node_is_fixed(b, i)) top = i;
         }
-        (void)palp_contact_init(&c, b, b->rest_m, radius * edge, PALP_CONTACT_DEFAULTS,
+        palp_tool tool = palp_tool_sphere(radius * edge);
+        (void)palp_contact_init(&c, b, b->rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
                                 allocate_aligned(bytes, 1), bytes);
         palp_vec3 n = palp_vec3_at(b->normal + 3 * top), x = palp_vec3_at(b->rest_m + 3 * top);
         for (int i = 0; i < 400; i++) {
             palp_vec3 p = palp_madd(x, edge * (radius + 1 - 0.006f * (float)i), n);
             double start = now_s();
-            uint32_t count = palp_contact_search(&c, p, fresh);
+            uint32_t count = palp_contact_search(&c, &p, fresh);
             for (uint32_t k = 0; k < count; k++) palp_contact_admit(&c, fresh[k]);
             (void)palp_contact_solve(&c, p, (palp_grip){.held_m = p});
             t[i] = (now_s() - start) * 1e6;

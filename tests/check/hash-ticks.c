@@ -45,7 +45,7 @@ int main(int argc, char **argv) {
                                 .cost = {0.01f, 0.8f},
                                 .port = {.now_ns = still_clock},
                                 .rate_hz = 1000,
-                                .tool_radius_m = 0.012f};
+                                .tool = palp_tool_sphere(0.012f)};
     /* The highest free node lies under the tool at the home position. */
     uint32_t top = blob.domain[PALP_FREE].node[0];
     for (uint32_t i = 0; i < blob.meta->nodes; i++) {
@@ -70,6 +70,7 @@ int main(int argc, char **argv) {
                     sscanf(line, "%63s %*s %x#%159s", stamp, &id, hex) >= 2;
         if ((!more || strcmp(stamp, last) != 0) && last[0] != '\0') {
             uint32_t sent = palp_servo_tick(servo, in, n, out, &report);
+            palp_servo_spare(servo);
             for (uint32_t i = 0; i < sent; i++)
                 mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);
             mix(&report.force_N, sizeof report.force_N);

@@ -10,15 +10,17 @@
 static palp_contact open_contact(const palp_blob *b, float radius, palp_contact_limits limits) {
     palp_contact c;
     size_t bytes = palp_contact_memsize(b, limits);
+    palp_tool *tool = allocate(1, sizeof *tool);
+    *tool = palp_tool_sphere(radius);
     palp_status status =
-        palp_contact_init(&c, b, b->rest_m, radius, limits, allocate_aligned(bytes, 1), bytes);
+        palp_contact_init(&c, b, b->rest_m, tool, 1, limits, allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
     return c;
 }
 
 static palp_vec3 place(palp_contact *c, palp_vec3 center, palp_grip grip) {
-    uint32_t fresh[PALP_MAX_CANDIDATES];
-    uint32_t n = palp_contact_search(c, center, fresh);
+    palp_fresh fresh[PALP_MAX_CANDIDATES];
+    uint32_t n = palp_contact_search(c, &center, fresh);
     for (uint32_t i = 0; i < n; i++) palp_contact_admit(c, fresh[i]);
     return palp_contact_solve(c, center, grip);
 }
@@ -80,7 +82,8 @@ static double reference_force(const baked *b, palp_vec3 center, double radius,
 
 static void test_reference(const baked *b) {
     const float radius = 0.45f;
-    palp_contact c = open_contact(&b->blob, radius, (palp_contact_limits){128, 64, 128, 200});
+    palp_contact c =
+        open_contact(&b->blob, radius, (palp_contact_limits){128, 64, 128, 200, false});
     for (int depth = 1; depth <= 4; depth++) {
         palp_vec3 center = {0, 0, 0};
         palp_vec3 force = {0};
@@ -98,8 +101,22 @@ static void test_reference(const baked *b) {
         AT_MOST(v_distance(got, exact) / v_norm(exact), 2e-4, "press %d: force on the tool", depth);
         CHECK((c.flags & (PALP_CONTACT_PIVOTS_SPENT | PALP_CONTACT_ACTIVE_FULL)) == 0,
               "press %d: solved within its pivots", depth);
-        palp_contact_clear(&c);
+        palp_contact_clear(&c, c.level);
     }
+}
+
+/* One tick of a tool on its spring. */
+static palp_coupling_result couple(palp_coupling *coupling, palp_contact *c, palp_vec3 device) {
+    palp_fresh fresh[PALP_MAX_CANDIDATES];
+    palp_coupling_result result;
+    palp_vec3 center;
+    palp_coupling_centers(coupling, c, &device, &center);
+    uint32_t n = palp_contact_search(c, &center, fresh);
+    for (uint32_t k = 0; k < n; k++) palp_contact_admit(c, fresh[k]);
+    palp_coupling_begin(coupling, c, &device);
+    while (palp_coupling_step(coupling, c)) {}
+    palp_coupling_end(coupling, c, 0.001f, &result);
+    return result;
 }
 
 /* Net energy that a closed path gives to the hand, over the most that was stored. */
@@ -111,7 +128,7 @@ typedef struct {
 static loop_result closed_path(const palp_blob *b, float radius, palp_contact_limits limits,
                                float stiffness, int shape, double depth) {
     palp_contact c = open_contact(b, radius, limits);
-    palp_coupling coupling = {.stiffness_N_per_m = stiffness};
+    palp_coupling coupling = {.spring[0].stiffness_N_per_m = stiffness};
     const int steps = 12000;
     loop_result r = {0};
     palp_vec3 last_f = {0}, last_p = {0};
@@ -126,11 +143,7 @@ static loop_result closed_path(const palp_blob *b, float radius, palp_contact_li
         palp_vec3 f;
         double stored;
         if (stiffness > 0) {
-            bool touching = coupling.placed && c.active_count > 0;
-            uint32_t fresh[PALP_MAX_CANDIDATES];
-            uint32_t n = palp_contact_search(&c, touching ? coupling.tool_m : p, fresh);
-            for (uint32_t k = 0; k < n; k++) palp_contact_admit(&c, fresh[k]);
-            palp_coupling_result result = palp_coupling_step(&coupling, &c, p, 0.001f);
+            palp_coupling_result result = couple(&coupling, &c, p);
             f = result.force_N;
             stored = (double)result.energy_J;
         } else {
@@ -213,19 +226,26 @@ static void test_pushes(double epsilon, const char *control, uint32_t splits, ui
 
 /* Whatever a capacity leaves out must not push when room comes back. */
 static void test_capacities(const baked *b) {
-    loop_result r = closed_path(&b->blob, 0.4f, (palp_contact_limits){24, 6, 2, 8}, 0, 1, 0.8);
+    loop_result r =
+        closed_path(&b->blob, 0.4f, (palp_contact_limits){24, 6, 2, 8, false}, 0, 1, 0.8);
     CHECK((r.flags & PALP_CONTACT_ACTIVE_FULL) != 0,
           "six active nodes are too few for this path, and that is reported");
     AT_MOST(r.given, 1e-3, "with capacities exceeded: energy given");
     palp_contact c;
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 0.1f, (palp_contact_limits){0, 0, 0, 0},
-                            NULL, 0) == PALP_ERR_LIMITS,
+    palp_tool tool = palp_tool_sphere(0.1f), bad = palp_tool_sphere(-1);
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, (palp_contact_limits){0}, NULL,
+                            0) == PALP_ERR_LIMITS,
           "limits of zero are refused");
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, -1, PALP_CONTACT_DEFAULTS, NULL, 0) ==
-              PALP_ERR_ARGUMENT,
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_CONTACT_DEFAULTS, NULL,
+                            0) == PALP_ERR_ARGUMENT,
           "a negative radius is refused");
+    bad = tool;
+    bad.friction = 0.5f;
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_CONTACT_DEFAULTS, NULL,
+                            0) == PALP_ERR_ARGUMENT,
+          "friction without the memory for it is refused");
     size_t bytes = palp_contact_memsize(&b->blob, PALP_CONTACT_DEFAULTS);
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, 1, PALP_CONTACT_DEFAULTS,
+    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
                             allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
           "one byte too few is refused");
 }
@@ -242,10 +262,11 @@ static void test_sphere(void) {
                        0.2f + 0.3f * (float)tap_random(&seed),
                        0.3f + 0.3f * (float)tap_random(&seed)};
         const float h = 1e-2f;
-        palp_sphere_contact at = palp_sphere_at(0.25f, c, x, normal);
-        if (fabsf(at.offset_m - 0.2f) < 0.03f) continue;
-        float dx = palp_sphere_at(0.25f, palp_add(c, (palp_vec3){h, 0, 0}), x, normal).depth_m -
-                   palp_sphere_at(0.25f, palp_sub(c, (palp_vec3){h, 0, 0}), x, normal).depth_m;
+        palp_tool tool = palp_tool_sphere(0.25f);
+        palp_touch at = palp_tool_at(&tool, c, x, normal);
+        if (fabsf(at.reach * PALP_TOOL_REACH * 0.25f - 0.2f) < 0.03f) continue;
+        float dx = palp_tool_at(&tool, palp_add(c, (palp_vec3){h, 0, 0}), x, normal).depth_m -
+                   palp_tool_at(&tool, palp_sub(c, (palp_vec3){h, 0, 0}), x, normal).depth_m;
         worst = fmax(worst, fabs((double)(-dx / (2 * h) - at.push.x)));
     }
     AT_MOST(worst, 6e-3, "the push is minus the gradient of the depth");

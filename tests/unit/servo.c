@@ -136,7 +136,7 @@ static palp_servo_config config_of(rig *r) {
                                .limits = PALP_CONTACT_DEFAULTS,
                                .cost = {.ns_per_operation = 0.5f, .margin = 0.8f},
                                .rate_hz = 1000,
-                               .tool_radius_m = t.tool_radius_m,
+                               .tool = palp_tool_sphere(t.tool_radius_m),
                                .port = {.now_ns = virtual_clock, .context = &r->clock_step}};
 }
 
@@ -164,6 +164,7 @@ static void tick(rig *r) {
     }
     n = palp_servo_tick(r->servo, in, r->silent ? 0 : n, out, &r->report);
     for (uint32_t i = 0; i < n; i++) sim_device_receive(&r->device, &out[i]);
+    palp_servo_spare(r->servo);
     r->largest_N = fmax(r->largest_N, (double)palp_norm(r->report.force_N));
 }
 

@@ -146,7 +146,7 @@ static void test_field(void) {
         for (uint32_t i = 0; i < 12; i++) {
             uint32_t slot = (i * 31 + (uint32_t)(step / 3 % 5) * 7) % b->domain[PALP_FREE].slots;
             load[i] = (palp_load){
-                b->domain[PALP_FREE].node[slot],
+                {b->meta->levels - 1, slot},
                 {(float)tap_random(&seed), (float)tap_random(&seed), (float)tap_random(&seed)}};
         }
         palp_field_update(&f, load, 12 - (uint32_t)step % 4);
@@ -160,8 +160,8 @@ static void test_field(void) {
         for (uint32_t k = 0; k < 3; k++) {
             double exact = 0;
             for (int i = 0; i < 12; i++) {
-                const double *row =
-                    greens_row(&sample.g, b->domain[PALP_FREE].node[s], k) + 3 * load[i].node;
+                const double *row = greens_row(&sample.g, b->domain[PALP_FREE].node[s], k) +
+                                    3 * b->domain[PALP_FREE].node[load[i].at.slot];
                 exact += row[0] * (double)load[i].force_N.x + row[1] * (double)load[i].force_N.y +
                          row[2] * (double)load[i].force_N.z;
             }
@@ -172,8 +172,9 @@ static void test_field(void) {
     }
     AT_MOST(drift / size, 2e-5, "300 coherent updates against a fresh sum");
     AT_MOST(dense / size, 5e-6, "fast summation against the dense matrix at epsilon 0");
-    palp_field_pin(&fresh, load[0].node, (palp_vec3){0, 0, 1}, 0.125f);
-    uint32_t slot = palp_node_slot(b, load[0].node);
+    palp_field_pin(&fresh, b->domain[PALP_FREE].node[load[0].at.slot], (palp_vec3){0, 0, 1},
+                   0.125f);
+    uint32_t slot = load[0].at.slot;
     AT_MOST(fabs((double)fresh.field[4 * slot + 2] - 0.125), 1e-7,
             "a pinned node has exactly its value");
     /* Level of detail: the coarse part of a truncated inverse is what one more forward level

@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: MIT */
+#include "ladder.h"
+#include "core/base/linalg.h"
+
+#define LEAST_CARRIED 0.5f /* share of the force that must find its nodes for a climb */
+#define RIDGE 1e-6f        /* of the 3x3 system that restores the force on a tool */
+#define LARGEST_FACTOR 3.0f
+
+size_t palp_ladder_memsize(const palp_blob *blob, palp_contact_limits limits) {
+    palp_arena arena = {0};
+    (void)palp_take(&arena, palp_contact_memsize(blob, limits), 1);
+    (void)palp_take(&arena, palp_contact_memsize(blob, limits), 1);
+    return arena.used;
+}
+
+palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const float *position_m,
+                             const palp_tool *tools, uint32_t tool_count,
+                             palp_contact_limits limits, void *memory, size_t bytes) {
+    if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_ladder_memsize(blob, limits)) return PALP_ERR_MEMORY;
+    palp_arena arena = {.base = memory};
+    palp_ladder l = {.now = 0};
+    size_t each = palp_contact_memsize(blob, limits);
+    for (uint32_t k = 0; k < 2; k++) {
+        void *part = palp_take(&arena, each, 1);
+        palp_status status = palp_contact_init(&l.contact[k], blob, position_m, tools, tool_count,
+                                               limits, part, each);
+        if (status != PALP_OK) return status;
+    }
+    for (uint32_t level = 0; level <= blob->meta->constraint_level; level++) {
+        bool usable = blob->level[level].table != NULL || level == blob->meta->constraint_level;
+        if (usable && blob->level[level].nodes > 0u) l.level[l.rungs++] = level;
+    }
+    l.rung = l.rungs - 1u;
+    *ladder = l;
+    return PALP_OK;
+}
+
+void palp_ladder_clear(palp_ladder *ladder) {
+    ladder->rung = ladder->rungs - 1u;
+    ladder->preparing = false;
+    ladder->waited = 0;
+    ladder->tank_J = 0.0f;
+    for (uint32_t k = 0; k < 2; k++)
+        palp_contact_clear(&ladder->contact[k], ladder->level[ladder->rung]);
+}
+
+/* ---- forces from level to level, on the marks of a scratch ---- */
+
+static void mark_forces(const palp_contact *from, uint32_t tool, palp_row_scratch *s) {
+    for (uint32_t a = 0; a < from->active_count; a++) {
+        const palp_candidate *k = &from->candidate[from->active[a]];
+        if (k->tool == tool) palp_row_mark(s, k->slot, k->force_N);
+    }
+}
+
+static void unmark(palp_row_scratch *s, uint32_t slot) {
+    s->weight[slot] = 0.0f;
+    s->mark[slot / 32u] &= ~(1u << (slot % 32u));
+}
+
+/* Forces on the odd slots of `level` go to their parents, whole. */
+static void gather(const palp_domain *d, uint32_t level, palp_row_scratch *s) {
+    uint32_t first = d->level_start[level], end = d->level_start[level + 1u];
+    for (uint32_t m = palp_row_next(s, first, end); m < end; m = palp_row_next(s, m + 1u, end)) {
+        float total = d->predict[2u * m] + d->predict[2u * m + 1u];
+        for (uint32_t side = 0; side < 2; side++) {
+            float w = d->predict[2u * m + side];
+            if (w > 0.0f) palp_row_mark(s, d->parent[2u * m + side], w / total * s->weight[m]);
+        }
+        unmark(s, m);
+    }
+}
+
+/* Forces on the hats of `level` go to those of level + 1. */
+static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    uint32_t end = b->level[level].nodes;
+    for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
+        float force = s->weight[a];
+        palp_child_range r = palp_children(d, a, level + 1u);
+        for (uint32_t c = r.first; c < r.end; c++) {
+            palp_row_mark(s, d->child[c], force * palp_child_share(b, level, a, d->child[c]));
+        }
+        s->weight[a] = force * palp_own_share(b, level, a);
+    }
+}
+
+static void move_forces(const palp_blob *b, uint32_t from, uint32_t to, palp_row_scratch *s) {
+    for (uint32_t l = from; l > to; l--) gather(&b->domain[PALP_FREE], l, s);
+    for (uint32_t l = from; l < to; l++) spread(b, l, s);
+}
+
+uint32_t palp_ladder_load(palp_ladder *ladder, uint32_t rung) {
+    palp_contact *now = palp_ladder_contact(ladder);
+    uint32_t to = ladder->level[rung], count = 0;
+    uint32_t slots = now->blob->level[to].nodes;
+    for (uint32_t t = 0; t < now->tool_count; t++) {
+        mark_forces(now, t, &now->scratch);
+        move_forces(now->blob, now->level, to, &now->scratch);
+        for (uint32_t i = palp_row_next(&now->scratch, 0, slots); i < slots;
+             i = palp_row_next(&now->scratch, i + 1u, slots)) {
+            unmark(&now->scratch, i);
+            count++;
+        }
+    }
+    now->work_done += 8u * now->active_count;
+    return count;
+}
+
+/* ---- taking over ---- */
+
+/* Hands the marked forces of `tool` to candidates of `to`, admitting them if asked; returns the sum
+ * that found a place. */
+static float hand_over(palp_contact *to, uint32_t tool, palp_row_scratch *s, bool admit) {
+    uint32_t slots = to->blob->level[to->level].nodes;
+    float carried = 0.0f;
+    for (uint32_t i = palp_row_next(s, 0, slots); i < slots; i = palp_row_next(s, i + 1u, slots)) {
+        if (admit) palp_contact_admit(to, (palp_fresh){i, tool});
+        uint32_t place = to->place[i];
+        if (place > 0u && to->candidate[place - 1u].tool == tool && s->weight[i] > 0.0f) {
+            to->candidate[place - 1u].force_N += s->weight[i];
+            carried += s->weight[i];
+        }
+        unmark(s, i);
+    }
+    return carried;
+}
+
+/* Candidates with a force become active, as far as there is room and their pivots allow. */
+static void activate(palp_contact *c) {
+    for (uint32_t i = 0; i < c->count; i++) {
+        palp_candidate *k = &c->candidate[i];
+        if (!(k->force_N > 0.0f)) continue;
+        bool room = c->active_count < c->limits.max_active;
+        if (!room || !palp_contact_let_in(c, i)) k->force_N = 0.0f;
+    }
+    c->changes = 0;
+}
+
+/* lambda_i := lambda_i (1 + p_i . m), so that the force on the tool is `wanted`. */
+static void restore_force(palp_contact *c, uint32_t tool, palp_vec3 wanted) {
+    palp_vec3 off = palp_sub(wanted, palp_contact_force(c, tool));
+    float m[9] = {0}, r[3] = {off.x, off.y, off.z};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_candidate *k = &c->candidate[c->active[a]];
+        if (k->tool != tool) continue;
+        const float p[3] = {k->at.push.x, k->at.push.y, k->at.push.z};
+        for (uint32_t e = 0; e < 9; e++) m[e] += k->force_N * p[e / 3u] * p[e % 3u];
+    }
+    float ridge = RIDGE * (m[0] + m[4] + m[8]);
+    for (uint32_t e = 0; e < 9; e += 4) m[e] += ridge;
+    if (!(ridge > 0.0f) || palp_chol_factor(m, 3, 3) != PALP_OK) return;
+    palp_chol_solve(m, 3, 3, r);
+    const palp_vec3 multiplier = {r[0], r[1], r[2]};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        palp_candidate *k = &c->candidate[c->active[a]];
+        if (k->tool != tool) continue;
+        float factor = 1.0f + palp_dot(k->at.push, multiplier);
+        k->force_N *= palp_clamp(factor, 0.0f, LARGEST_FACTOR);
+    }
+}
+
+/* Forces that would store more than `allowed_J` are lowered; returns what is stored then. */
+static float limit_energy(palp_contact *c, float allowed_J) {
+    float stored = palp_contact_energy(c);
+    if (!(stored > allowed_J)) return stored;
+    float factor = palp_sqrt(allowed_J / stored);
+    for (uint32_t a = 0; a < c->active_count; a++) c->candidate[c->active[a]].force_N *= factor;
+    return allowed_J;
+}
+
+/* What each candidate is relieved of, or credited with, so that the forces are in equilibrium. */
+static void set_reliefs(palp_contact *c, const palp_vec3 *tool_m) {
+    for (uint32_t i = 0; i < c->count; i++) {
+        palp_candidate *k = &c->candidate[i];
+        k->at = palp_tool_at(&c->tools[k->tool], tool_m[k->tool], k->x, k->n);
+        float off = k->at.depth_m - palp_contact_indentation(c, i);
+        k->relief_m = palp_contact_is_active(c, i) ? off : palp_max(off, 0.0f);
+        k->target_m = k->at.depth_m - k->relief_m;
+    }
+    c->work_done += (uint64_t)c->count * (60u + c->active_count);
+}
+
+/* Moves the contact from `from` to `to`, on the way down taking in what is needed; false if on the
+ * way up too much of the force finds no place. */
+static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to, bool down,
+                      const palp_vec3 *tool_m) {
+    float carried = 0.0f, total = 0.0f;
+    for (uint32_t t = 0; t < from->tool_count; t++) {
+        palp_vec3 axis;
+        to->about[t] = tool_m[t];
+        to->grip[t] = from->grip[t];
+        to->nearest[t] = from->nearest[t];
+        total += palp_contact_normal_force(from, t, &axis);
+        mark_forces(from, t, &to->scratch);
+        move_forces(from->blob, from->level, to->level, &to->scratch);
+        carried += hand_over(to, t, &to->scratch, down);
+    }
+    if (!down && carried < LEAST_CARRIED * total) return false;
+    activate(to);
+    for (uint32_t i = 0; i < to->count; i++) {
+        palp_candidate *k = &to->candidate[i];
+        k->at = palp_tool_at(&to->tools[k->tool], tool_m[k->tool], k->x, k->n);
+    }
+    for (uint32_t t = 0; t < from->tool_count; t++)
+        restore_force(to, t, palp_contact_force(from, t));
+    float before = palp_contact_energy(from) + ladder->tank_J;
+    ladder->tank_J = palp_max(before - limit_energy(to, before), 0.0f);
+    set_reliefs(to, tool_m);
+    to->flags = from->flags;
+    to->pivots = from->pivots;
+    return true;
+}
+
+bool palp_ladder_drop(palp_ladder *ladder, const palp_vec3 *tool_m) {
+    if (ladder->rung == 0u) return false;
+    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    palp_contact_clear(to, ladder->level[ladder->rung - 1u]);
+    (void)take_over(ladder, from, to, true, tool_m);
+    ladder->now = 1u - ladder->now;
+    ladder->rung--;
+    ladder->preparing = false;
+    ladder->waited = 0;
+    ladder->dropped++;
+    return true;
+}
+
+/* ---- climbing ---- */
+
+/* Nodes that the forces would come to below, not yet taken in. */
+static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
+    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    uint32_t slots = to->blob->level[to->level].nodes, found = 0;
+    for (uint32_t t = 0; t < from->tool_count; t++) {
+        mark_forces(from, t, &to->scratch);
+        move_forces(from->blob, from->level, to->level, &to->scratch);
+        for (uint32_t i = palp_row_next(&to->scratch, 0, slots); i < slots;
+             i = palp_row_next(&to->scratch, i + 1u, slots)) {
+            bool wanted = to->place[i] == 0u && found < to->limits.max_new;
+            if (wanted) fresh[found++] = (palp_fresh){i, t};
+            unmark(&to->scratch, i);
+        }
+    }
+    to->work_done += 8u * slots;
+    return found;
+}
+
+uint32_t palp_ladder_prepare(palp_ladder *ladder, const palp_vec3 *tool_m, palp_fresh *fresh) {
+    if (ladder->rung + 1u >= ladder->rungs) return 0;
+    palp_contact *to = palp_ladder_other(ladder);
+    if (!ladder->preparing) {
+        palp_contact_clear(to, ladder->level[ladder->rung + 1u]);
+        ladder->preparing = true;
+        ladder->waited = 0;
+    }
+    for (uint32_t t = 0; t < to->tool_count; t++) to->about[t] = tool_m[t];
+    ladder->waited++;
+    return to->count < to->limits.max_candidates ? list_missing(ladder, fresh) : 0u;
+}
+
+void palp_ladder_forget(palp_ladder *ladder) {
+    ladder->preparing = false;
+    ladder->waited = 0;
+}
+
+bool palp_ladder_climb(palp_ladder *ladder, const palp_vec3 *tool_m) {
+    if (!ladder->preparing) return false;
+    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    palp_ladder_forget(ladder);
+    if (!take_over(ladder, from, to, false, tool_m)) return false;
+    ladder->now = 1u - ladder->now;
+    ladder->rung++;
+    ladder->climbed++;
+    return true;
+}
+
+void palp_ladder_relax(palp_ladder *ladder, float dt_s) {
+    palp_contact *c = palp_ladder_contact(ladder);
+    float share = palp_min(dt_s / PALP_RELAX_S, 1.0f), wanted_J = 0.0f;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        palp_candidate *k = &c->candidate[c->active[a]];
+        float step = share * k->relief_m;
+        if (step > 0.0f) {
+            wanted_J += step * k->force_N;
+        } else {
+            ladder->tank_J -= 0.5f * step * k->force_N;
+            k->relief_m -= step;
+        }
+    }
+    float pay = palp_min(0.5f * ladder->tank_J, wanted_J);
+    if (!(pay > 0.0f)) return;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        palp_candidate *k = &c->candidate[c->active[a]];
+        if (k->relief_m > 0.0f) k->relief_m -= share * pay / wanted_J * k->relief_m;
+    }
+    ladder->tank_J -= 2.0f * pay < ladder->tank_J ? 2.0f * pay : ladder->tank_J;
+}

@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: MIT */
+#include "tool.h"
+
+#define BETA PALP_TOOL_BETA
+#define HEIGHT 0.6f       /* sqrt(1 - BETA^2) */
+#define SLOPE 1.3333334f  /* BETA / HEIGHT */
+#define MERGE 0.2f        /* width of the blend between balls, over the smaller radius */
+#define LEAST_FACING 0.3f /* a pad's depth is measured as if the node faced it at least so well */
+
+palp_tool palp_tool_sphere(float radius_m) {
+    return (palp_tool){.balls = 1, .ball[0] = {.radius_m = radius_m}};
+}
+
+static bool pad_is_sound(const palp_pad *p) {
+    bool sound = p->half_m[0] > 0.0f && p->half_m[1] > 0.0f && p->edge_m > 0.0f &&
+                 palp_is_finite(p->half_m[0] + p->half_m[1] + p->edge_m);
+    for (uint32_t i = 0; i < 3; i++) {
+        for (uint32_t k = 0; k < 3; k++) {
+            float wanted = i == k ? 1.0f : 0.0f;
+            sound = sound && palp_abs(palp_dot(p->axis[i], p->axis[k]) - wanted) < 1e-3f;
+        }
+    }
+    if (p->columns == 0u) return sound;
+    sound = sound && p->columns >= 2u && p->rows >= 2u && p->columns <= 1024u && p->rows <= 1024u &&
+            p->height_m != NULL;
+    for (uint32_t i = 0; sound && i < p->columns * p->rows; i++)
+        sound = palp_is_finite(p->height_m[i]);
+    return sound;
+}
+
+bool palp_tool_is_sound(const palp_tool *tool) {
+    if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
+    if (tool->balls > PALP_TOOL_BALLS) return false;
+    if (tool->balls == 0u) return pad_is_sound(&tool->pad);
+    for (uint32_t i = 0; i < tool->balls; i++) {
+        const palp_ball *b = &tool->ball[i];
+        if (!(b->radius_m > 0.0f) || !palp_is_finite(b->radius_m)) return false;
+        if (!palp_vec3_is_finite(b->center_m)) return false;
+    }
+    return true;
+}
+
+float palp_tool_size(const palp_tool *tool) {
+    if (tool->balls == 0u) return palp_min(tool->pad.half_m[0], tool->pad.half_m[1]);
+    float least = tool->ball[0].radius_m;
+    for (uint32_t i = 1; i < tool->balls; i++) least = palp_min(least, tool->ball[i].radius_m);
+    return least;
+}
+
+/* Height psi(t) of a sphere of radius r at distance t off its axis, with its cone, and -psi'(t) /
+ * t. */
+static float profile(float r, float t, float *slope_over_t) {
+    if (t <= BETA * r) {
+        float psi = palp_sqrt(r * r - t * t);
+        *slope_over_t = 1.0f / psi;
+        return psi;
+    }
+    *slope_over_t = SLOPE / t;
+    return HEIGHT * r - SLOPE * (t - BETA * r);
+}
+
+static palp_touch ball_at(const palp_ball *ball, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
+    palp_vec3 r = palp_sub(x, palp_add(c, ball->center_m));
+    float along = palp_dot(r, n);
+    palp_vec3 tangential = palp_madd(r, -along, n);
+    float t = palp_norm(tangential);
+    float slope_over_t;
+    float psi = profile(ball->radius_m, t, &slope_over_t);
+    float distance = palp_norm(r);
+    return (palp_touch){.depth_m = along + psi,
+                        .reach = t / (PALP_TOOL_REACH * ball->radius_m),
+                        .facing = distance > 0.0f ? -along / distance : 0.0f,
+                        .push = palp_madd(n, -slope_over_t, tangential)};
+}
+
+/* max(a, b), rounded off over `width` where they are close. */
+static palp_touch merge(palp_touch a, palp_touch b, float width) {
+    palp_touch high = a.depth_m >= b.depth_m ? a : b, low = a.depth_m >= b.depth_m ? b : a;
+    float gap = high.depth_m - low.depth_m;
+    if (gap >= width) return high;
+    float share = 0.5f * (width - gap) / width;
+    high.depth_m += 0.5f * (width - gap) * share;
+    high.push = palp_madd(high.push, share, palp_sub(low.push, high.push));
+    return high;
+}
+
+/* Weights of a quadratic B-spline at s over 0..count - 1, and their derivatives. */
+typedef struct {
+    uint32_t index[3];
+    float weight[3], slope[3];
+} spline;
+
+static spline spline_at(float s, uint32_t count) {
+    float last = (float)(count - 1u);
+    float clamped = palp_clamp(s, 0.0f, last);
+    uint32_t i = (uint32_t)(clamped + 0.5f);
+    float t = clamped - (float)i;
+    bool inside = s >= 0.0f && s <= last;
+    spline p = {
+        .index = {i > 0u ? i - 1u : 0u, i, i + 1u < count ? i + 1u : i},
+        .weight = {0.5f * (0.5f - t) * (0.5f - t), 0.75f - t * t, 0.5f * (0.5f + t) * (0.5f + t)},
+        .slope = {t - 0.5f, -2.0f * t, t + 0.5f}};
+    for (uint32_t k = 0; k < 3 && !inside; k++) p.slope[k] = 0.0f;
+    return p;
+}
+
+/* Height of the face at (u, v) and its gradient. */
+static float face_height(const palp_pad *p, float u, float v, float gradient[2]) {
+    const float at[2] = {u, v};
+    float over[2], height = 0.0f, slope_over_t;
+    for (uint32_t k = 0; k < 2; k++) {
+        float out = palp_abs(at[k]) - p->half_m[k];
+        over[k] = out > 0.0f ? (at[k] > 0.0f ? out : -out) : 0.0f;
+    }
+    float t = palp_sqrt(over[0] * over[0] + over[1] * over[1]);
+    gradient[0] = gradient[1] = 0.0f;
+    if (t > 0.0f) {
+        height = profile(p->edge_m, t, &slope_over_t) - p->edge_m;
+        for (uint32_t k = 0; k < 2; k++) gradient[k] = -slope_over_t * over[k];
+    }
+    if (p->columns == 0u) return height;
+    float scale_u = 0.5f * (float)(p->columns - 1u) / p->half_m[0];
+    float scale_v = 0.5f * (float)(p->rows - 1u) / p->half_m[1];
+    spline a = spline_at((u + p->half_m[0]) * scale_u, p->columns);
+    spline b = spline_at((v + p->half_m[1]) * scale_v, p->rows);
+    for (uint32_t j = 0; j < 3; j++) {
+        for (uint32_t i = 0; i < 3; i++) {
+            float z = p->height_m[b.index[j] * p->columns + a.index[i]];
+            height += a.weight[i] * b.weight[j] * z;
+            gradient[0] += scale_u * a.slope[i] * b.weight[j] * z;
+            gradient[1] += scale_v * a.weight[i] * b.slope[j] * z;
+        }
+    }
+    return height;
+}
+
+static palp_touch pad_at(const palp_pad *p, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
+    palp_vec3 r = palp_sub(x, c);
+    float u = palp_dot(r, p->axis[0]), v = palp_dot(r, p->axis[1]), gradient[2];
+    float facing = -palp_dot(n, p->axis[2]);
+    float over_cosine = 1.0f / palp_max(facing, LEAST_FACING);
+    float depth = face_height(p, u, v, gradient) - palp_dot(r, p->axis[2]);
+    palp_vec3 push = palp_scale(-1.0f, p->axis[2]);
+    push = palp_madd(push, gradient[0], p->axis[0]);
+    push = palp_madd(push, gradient[1], p->axis[1]);
+    float out_u = palp_abs(u) - p->half_m[0], out_v = palp_abs(v) - p->half_m[1];
+    return (palp_touch){.depth_m = depth * over_cosine,
+                        .reach = palp_max(out_u, out_v) / (PALP_TOOL_REACH * p->edge_m),
+                        .facing = facing,
+                        .push = palp_scale(over_cosine, push)};
+}
+
+palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
+    if (tool->balls == 0u) return pad_at(&tool->pad, c, x, n);
+    palp_touch touch = ball_at(&tool->ball[0], c, x, n);
+    for (uint32_t i = 1; i < tool->balls; i++) {
+        float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
+        touch = merge(touch, ball_at(&tool->ball[i], c, x, n), width);
+    }
+    return touch;
+}
+
+palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k) {
+    if (tool->balls == 0u) return c;
+    return palp_add(c, tool->ball[k % tool->balls].center_m);
+}

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Rigid tools, and what a surface node sees of one.
+ *
+ * For a node at x with outward normal n and a tool at c, the depth is how far the node must go
+ * along -n to clear the tool. It is a smooth function of c (continuous gradient everywhere), and
+ * the push is minus its gradient: the force on the tool for a unit normal force at the node. So
+ * contact energy is a function of the tool's place alone, and its force the gradient.
+ *
+ * A tool is a set of up to PALP_TOOL_BALLS spheres, merged smoothly where they meet, or a pad: a
+ * rectangle with rounded edges, flat or with a height field, facing along its third axis. A
+ * sphere's depth goes over into a cone beyond PALP_TOOL_BETA of its radius, so that it stays
+ * defined for every node.
+ */
+#ifndef PALP_TOUCH_TOOL_H
+#define PALP_TOUCH_TOOL_H
+
+#include "core/base/real.h"
+#include <stddef.h>
+
+#define PALP_TOOL_BALLS 8u
+#define PALP_TOOL_BETA 0.8f
+#define PALP_TOOL_REACH 1.6f /* radii off the axis at which a node stops being of interest */
+
+typedef struct {
+    palp_vec3 center_m; /* from the tool's reference point */
+    float radius_m;
+} palp_ball;
+
+typedef struct {
+    palp_vec3 axis[3];      /* orthonormal; the face looks along axis[2] */
+    float half_m[2];        /* half extents along axis[0] and axis[1] */
+    float edge_m;           /* radius of the rounded edges */
+    uint32_t columns, rows; /* of the height field; 0: flat */
+    const float *height_m;  /* [rows][columns] above the face, smoothed by quadratic B-splines */
+} palp_pad;
+
+typedef struct {
+    uint32_t balls; /* 0: a pad */
+    palp_ball ball[PALP_TOOL_BALLS];
+    palp_pad pad;
+    float friction; /* Coulomb's mu; needs limits.friction when above 0 */
+} palp_tool;
+
+typedef struct {
+    float depth_m;
+    float reach;    /* 1 at the distance off the axis where nodes stop being of interest */
+    float facing;   /* cosine between the node's normal and the direction to the tool */
+    palp_vec3 push; /* minus the gradient of the depth with respect to the tool's position */
+} palp_touch;
+
+/* A sphere about the reference point. */
+palp_tool palp_tool_sphere(float radius_m);
+
+/* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10. */
+bool palp_tool_is_sound(const palp_tool *tool);
+
+/* The smallest radius or half extent: the scale of its search margins (m). */
+float palp_tool_size(const palp_tool *tool);
+
+/* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,
+ * 120 for a pad. */
+palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n);
+
+/* A point of the tool at c near which the surface is looked for: centres of balls, or of the face;
+ * `k` counts round. */
+palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k);
+
+#endif
