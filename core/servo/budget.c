@@ -32,17 +32,15 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     const palp_meta *m = blob->meta;
     palp_cost_bound b = {.fixed = FRAMES_AND_POSE, .columns = 3.0f * (float)tool_count};
     float candidates = (float)limits.max_candidates, active = (float)limits.max_active;
-    float ring = (float)m->max_ring, row = (float)m->max_row;
-    float slots = (float)m->domain_nodes[PALP_FREE];
+    float row = (float)m->max_row, slots = (float)m->domain_nodes[PALP_FREE];
+    b.ring = (float)m->max_ring;
     for (uint32_t t = 0; t < tool_count; t++) {
         float one = tools[t].balls > 0u ? BALL * (float)tools[t].balls : PAD;
         b.tool = palp_max(b.tool, one);
     }
-    b.search =
-        candidates * (b.tool + 5.0f * active) +
-        (candidates * ring + (float)PALP_CONTACT_SCAN) * (b.tool + 3.0f * (float)limits.max_new) +
-        candidates * candidates * 3.0f +
-        (float)tool_count * 8.0f * (most_in_block(blob) + DESCENT * ring);
+    b.near = b.tool + 3.0f * (float)limits.max_new;
+    b.grid = (float)PALP_CONTACT_SCAN * b.near +
+             (float)tool_count * 8.0f * (most_in_block(blob) + DESCENT * b.ring);
     b.row = (float)m->levels * (slots / 16.0f + row) + 8.0f * row;
     b.extraction = 16.0f * row + (float)(m->max_groups * PALP_LANES) + 40.0f;
     for (uint32_t l = 0; l <= m->constraint_level; l++) {
@@ -54,6 +52,12 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     b.least_candidates = palp_min(candidates, coarsest);
     b.least_active = palp_min(active, coarsest);
     return b;
+}
+
+float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t active) {
+    float k = (float)count;
+    return bound->grid +
+           k * (bound->tool + 5.0f * (float)active + bound->ring * bound->near + 3.0f * k);
 }
 
 float palp_cost_admit(const palp_cost_bound *bound, uint32_t level, uint32_t count) {
@@ -88,13 +92,13 @@ float palp_cost_change(const palp_cost_bound *bound, uint32_t load) {
 
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits) {
     uint32_t level = PALP_MAX_LEVELS; /* no table */
-    return bound->fixed + bound->search +
+    return bound->fixed + palp_cost_search(bound, limits.max_candidates, limits.max_active) +
            palp_cost_answer(bound, limits.max_candidates, limits.max_active, limits.max_pivots) +
            (float)limits.max_new * palp_cost_admit(bound, level, limits.max_candidates - 1u);
 }
 
 float palp_cost_least(const palp_cost_bound *bound) {
-    return bound->fixed + bound->search +
-           palp_cost_answer(bound, (uint32_t)bound->least_candidates, (uint32_t)bound->least_active,
-                            1u);
+    uint32_t count = (uint32_t)bound->least_candidates, active = (uint32_t)bound->least_active;
+    return bound->fixed + palp_cost_search(bound, count, active) +
+           palp_cost_answer(bound, count, active, 1u);
 }

@@ -26,18 +26,22 @@ typedef struct {
 /* What the bounds below are made of, in operations; fixed when the simulation is opened. */
 typedef struct {
     float fixed;      /* frames, kinematics, output chain */
-    float search;     /* candidates and grid, at the limits */
+    float grid;       /* a look at the search grid and the scan */
+    float near;       /* one neighbour met by the search */
     float tool;       /* one evaluation of the tool */
     float row;        /* one row of W^-1 */
     float extraction; /* one block of G from a compressed column */
     float columns;    /* of the springs: 3 per tool */
     uint32_t tables;  /* bit per level that has one */
-    float limit_active, limit_candidates;
+    float ring, limit_active, limit_candidates;
     float least_active, least_candidates; /* most that the coarsest rung can have of either */
 } palp_cost_bound;
 
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count);
+
+/* The search from `count` candidates: grid + count (tool + 5 active + ring near + 3 count). */
+float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t active);
 
 /* Taking one candidate in while `count` are there: count + 1 look-ups on a level with a table, else
  * row + (2 count + 1) extraction. */

@@ -6,10 +6,6 @@
 #define RAD_PER_REV 6.28318530718f
 #define PLAUSIBLE 4.0f /* a joint may move this many times what its speed limit allows */
 #define ENABLE_EVERY_S 0.1f
-#define LEAST_PIVOTS 2u   /* per solve, in the least answer on a rung */
-#define SPARE_HATS 2u     /* that the forces may come to load while a tick solves */
-#define CLIMB_AFTER 20u   /* ticks on a rung before a finer one is prepared */
-#define CLIMB_SHARE 0.75f /* of capacity and period that the finer rung may take */
 
 typedef struct {
     float q_rad, dq_rad_s;
@@ -22,34 +18,29 @@ typedef struct {
 struct palp_servo {
     const palp_blob *blob;
     palp_servo_config config;
-    palp_cost_bound bound;
-    palp_ladder ladder;
-    palp_coupling coupling;
+    palp_bounded bounded;
     palp_output output;
     palp_counters counters;
     axis axes[PALP_AXES];
     palp_state state;
     uint32_t faults, state_ticks;
-    float dt_s, absorbed_J, retreat_ns;
+    float dt_s, absorbed_J;
     uint64_t start_ns; /* of the tick under way */
     palp_vec3 last_tip_m;
-    palp_fresh *fresh; /* [max_new] */
 };
 
 static palp_servo *lay_out(const palp_blob *b, palp_contact_limits l, palp_arena *arena,
-                           void **contact_memory) {
+                           void **bounded_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
-    palp_fresh *fresh = palp_take(arena, l.max_new, sizeof *fresh);
-    *contact_memory = palp_take(arena, palp_ladder_memsize(b, l), 1);
-    if (s != NULL) s->fresh = fresh;
+    *bounded_memory = palp_take(arena, palp_bounded_memsize(b, l), 1);
     return s;
 }
 
 size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
     palp_arena arena = {0};
-    void *contact_memory;
+    void *bounded_memory;
     if (!palp_contact_limits_sound(limits)) return 0;
-    (void)lay_out(blob, limits, &arena, &contact_memory);
+    (void)lay_out(blob, limits, &arena, &bounded_memory);
     return arena.used;
 }
 
@@ -71,39 +62,38 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             const palp_servo_config *config, void *memory, size_t bytes,
                             float *bound_ns) {
     palp_arena arena = {.base = memory};
-    void *contact_memory;
+    void *bounded_memory;
     if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_servo_memsize(blob, config->limits)) return PALP_ERR_MEMORY;
-    palp_cost_bound bound = palp_cost_of(blob, config->limits, &config->tool, 1);
-    float least_ns = palp_cost_least(&bound) * config->cost.ns_per_operation;
-    if (bound_ns != NULL) *bound_ns = least_ns;
-    if (least_ns > config->cost.margin * NS_PER_S / config->rate_hz) return PALP_ERR_BUDGET;
-    palp_servo *s = lay_out(blob, config->limits, &arena, &contact_memory);
-    palp_fresh *fresh = s->fresh;
-    *s = (palp_servo){.blob = blob,
-                      .config = *config,
-                      .bound = bound,
-                      .dt_s = 1.0f / config->rate_hz,
-                      .fresh = fresh};
+    palp_servo *s = lay_out(blob, config->limits, &arena, &bounded_memory);
+    *s = (palp_servo){.blob = blob, .config = *config, .dt_s = 1.0f / config->rate_hz};
+    palp_bounded_config bounded = {.blob = blob,
+                                   .tools = &s->config.tool,
+                                   .tool_count = 1,
+                                   .limits = config->limits,
+                                   .cost = config->cost,
+                                   .port = config->port,
+                                   .dt_s = s->dt_s};
+    palp_status status = palp_bounded_init(&s->bounded, &bounded, bounded_memory,
+                                           palp_bounded_memsize(blob, config->limits), bound_ns);
+    if (status != PALP_OK) return status;
     /* Device stiffness k becomes k / scale^2 in the model, where lengths grow and forces shrink by
      * scale. */
     float scale = config->placement.scale;
-    s->coupling.spring[0].stiffness_N_per_m =
-        config->device.stiffness_max_N_per_m / (scale * scale);
-    s->coupling.spring[0].damping_Ns_per_m = config->device.damping_max_Ns_per_m / (scale * scale);
-    palp_status status =
-        palp_ladder_init(&s->ladder, blob, blob->rest_m, &s->config.tool, 1, config->limits,
-                         contact_memory, palp_ladder_memsize(blob, config->limits));
-    if (status == PALP_OK) *servo = s;
-    return status;
+    palp_spring *spring = &s->bounded.coupling.spring[0];
+    spring->stiffness_N_per_m = config->device.stiffness_max_N_per_m / (scale * scale);
+    spring->damping_Ns_per_m = config->device.damping_max_Ns_per_m / (scale * scale);
+    *servo = s;
+    return PALP_OK;
 }
 
 const palp_counters *palp_servo_counters(const palp_servo *servo) { return &servo->counters; }
+
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
-    const palp_contact *c = &servo->ladder.contact[servo->ladder.now];
-    const palp_friction *f = &servo->coupling.spring[0].friction;
+    const palp_contact *c = &servo->bounded.ladder.contact[servo->bounded.ladder.now];
+    const palp_friction *f = &servo->bounded.coupling.spring[0].friction;
     palp_vec3 resultant;
     float total = palp_contact_normal_force(c, 0, &resultant);
     for (uint32_t a = 0; a < c->active_count; a++) {
@@ -196,8 +186,7 @@ static void enter(palp_servo *s, palp_state state) {
     s->state = state;
     s->state_ticks = 0;
     if (state != PALP_STATE_RUN) return;
-    palp_ladder_clear(&s->ladder);
-    palp_coupling_reset(&s->coupling);
+    palp_bounded_reset(&s->bounded);
     s->output = (palp_output){0};
     s->absorbed_J = 0.0f;
 }
@@ -253,151 +242,32 @@ static float elapsed_ns(const palp_servo *s, uint64_t start) {
     return (float)(s->config.port.now_ns(s->config.port.context) - start);
 }
 
-/* ---- the bounded-time answer ---- */
-
-static float left_ns(const palp_servo *s) {
-    float period_ns = s->config.cost.margin * NS_PER_S * s->dt_s;
-    return period_ns - elapsed_ns(s, s->start_ns);
-}
-
-static float time_of(const palp_servo *s, float operations) {
-    return operations * s->config.cost.ns_per_operation;
-}
-
-static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
-
-/* Bound of an answer by the contact as it stands, with `more` candidates and so many pivots. */
-static float answer_ns(const palp_servo *s, const palp_contact *c, uint32_t more, uint32_t pivots) {
-    uint32_t count = least(c->count + more, s->config.limits.max_candidates);
-    uint32_t reachable = c->active_count + PALP_COUPLING_SOLVES * pivots;
-    uint32_t active = least(least(reachable, count), s->config.limits.max_active);
-    return time_of(s, palp_cost_answer(&s->bound, count, active, pivots));
-}
-
-/* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
-static float retreat_ns(palp_servo *s) {
-    if (s->ladder.rung == 0u) return 0.0f;
-    uint32_t load = least(palp_ladder_load(&s->ladder, s->ladder.rung - 1u) + SPARE_HATS,
-                          s->config.limits.max_candidates);
-    return time_of(s, palp_cost_change(&s->bound, load) +
-                          palp_cost_answer(&s->bound, load,
-                                           least(load, s->config.limits.max_active), LEAST_PIVOTS));
-}
-
-static void drop(palp_servo *s, palp_report *r) {
-    if (!palp_ladder_drop(&s->ladder, &s->coupling.spring[0].tool_m)) return;
-    r->aborted++;
-    s->counters.dropped++;
-}
-
-/* Comes down to a rung whose least answer, and the retreat below it, fit the time left. */
-static void choose_rung(palp_servo *s, palp_report *r) {
-    const uint32_t full = PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL;
-    if ((palp_ladder_contact(&s->ladder)->flags & full) != 0u) drop(s, r);
-    while (s->ladder.rung > 0u) {
-        float need = answer_ns(s, palp_ladder_contact(&s->ladder), 0u, LEAST_PIVOTS);
-        s->retreat_ns = retreat_ns(s);
-        if (need + s->retreat_ns + time_of(s, s->bound.search) <= left_ns(s)) break;
-        drop(s, r);
-    }
-    if (s->ladder.rung == 0u) s->retreat_ns = 0.0f;
-}
-
-/* Takes in candidates as far as time allows; the clock is looked at before each. */
-static void take_in(palp_servo *s, palp_vec3 around, palp_report *r) {
-    palp_contact *c = palp_ladder_contact(&s->ladder);
-    uint32_t fresh = palp_contact_search(c, &around, s->fresh);
-    uint32_t i = 0;
-    for (; i < fresh; i++) {
-        float admit = time_of(s, palp_cost_admit(&s->bound, c->level, c->count));
-        if (admit + answer_ns(s, c, 1u, LEAST_PIVOTS) + s->retreat_ns > left_ns(s)) break;
-        palp_contact_admit(c, s->fresh[i]);
-    }
-    r->admitted = i;
-    r->deferred = fresh - i;
-}
-
-/* Solves pivot by pivot; when the time left comes down to that of the retreat, retreats. */
-static void solve(palp_servo *s, palp_vec3 device, palp_report *r) {
-    for (uint32_t rung = s->ladder.rung + 1u; rung-- > 0u;) {
-        palp_contact *c = palp_ladder_contact(&s->ladder);
-        palp_coupling_begin(&s->coupling, c, &device);
-        bool more = true;
-        uint32_t quanta = 0;
-        while (more) {
-            float quantum = palp_cost_pivot(&s->bound, c->count, c->active_count + 1u);
-            if (!s->coupling.solving)
-                quantum += palp_cost_solve(&s->bound, c->count, c->active_count + 1u);
-            if (quanta > 0u && time_of(s, quantum) + s->retreat_ns > left_ns(s)) break;
-            more = palp_coupling_step(&s->coupling, c);
-            quanta++;
-        }
-        r->shortened = r->shortened || more;
-        bool usable = !more || quanta > PALP_COUPLING_SOLVES * LEAST_PIVOTS;
-        if (usable || s->ladder.rung == 0u) return;
-        drop(s, r);
-        s->retreat_ns = 0.0f; /* this answer is already paid for */
-    }
-}
-
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     const palp_placement *p = &s->config.placement;
-    palp_vec3 device = palp_madd(p->origin_m, p->scale, rotate(p->rotation, tip)), around;
+    palp_vec3 device = palp_madd(p->origin_m, p->scale, rotate(p->rotation, tip));
     palp_coupling_result result;
-    choose_rung(s, r);
-    palp_coupling_centers(&s->coupling, palp_ladder_contact(&s->ladder), &device, &around);
-    take_in(s, around, r);
-    solve(s, device, r);
-    palp_contact *c = palp_ladder_contact(&s->ladder);
-    palp_coupling_end(&s->coupling, c, s->dt_s, &result);
-    palp_ladder_relax(&s->ladder, s->dt_s);
+    palp_bounded_report b;
+    palp_bounded_tick(&s->bounded, s->start_ns, &device, &result, &b);
+    s->counters.dropped = s->bounded.ladder.dropped;
+    s->counters.climbed = s->bounded.ladder.climbed;
     r->tool_m = result.tool_m;
     r->stored_J = result.energy_J;
     r->unsettled_m = result.moved_m;
-    r->contact_flags = c->flags;
-    r->level = c->level;
-    r->shortened = r->shortened || r->deferred > 0u;
-    r->pivots = c->pivots;
-    r->candidates = c->count;
-    r->active = c->active_count;
-    r->slipping = s->coupling.spring[0].friction.slipping;
+    r->slipping = s->bounded.coupling.spring[0].friction.slipping;
+    r->contact_flags = b.flags;
+    r->level = b.level;
+    r->aborted = b.aborted;
+    r->admitted = b.admitted;
+    r->deferred = b.deferred;
+    r->shortened = b.shortened;
+    r->pivots = b.pivots;
+    r->candidates = b.candidates;
+    r->active = b.active;
     return palp_scale(p->scale, rotate_back(p->rotation, result.force_N));
 }
 
-/* Whether the next finer rung would have room and time to spare. */
-static bool finer_fits(palp_servo *s) {
-    uint32_t load = palp_ladder_load(&s->ladder, s->ladder.rung + 1u);
-    if ((float)load > CLIMB_SHARE * s->bound.limit_active) return false;
-    uint32_t count = least(2u * load, s->config.limits.max_candidates);
-    float need = s->bound.fixed + s->bound.search +
-                 palp_cost_answer(&s->bound, count, load, LEAST_PIVOTS) +
-                 palp_cost_change(&s->bound, load);
-    return time_of(s, need) <= CLIMB_SHARE * s->config.cost.margin * NS_PER_S * s->dt_s;
-}
-
 void palp_servo_spare(palp_servo *servo) {
-    palp_servo *s = servo;
-    palp_ladder *l = &s->ladder;
-    palp_contact *c = palp_ladder_contact(l);
-    if (s->state != PALP_STATE_RUN || l->rung + 1u >= l->rungs) return;
-    if (c->active_count == 0u) {
-        palp_ladder_clear(l);
-        return;
-    }
-    if (!l->preparing && ++l->waited < CLIMB_AFTER) return;
-    if (!finer_fits(s)) {
-        palp_ladder_forget(l);
-        return;
-    }
-    const palp_vec3 *tool = &s->coupling.spring[0].tool_m;
-    uint32_t missing = palp_ladder_prepare(l, tool, s->fresh);
-    palp_contact *next = palp_ladder_other(l);
-    for (uint32_t i = 0; i < missing; i++) {
-        if (time_of(s, palp_cost_admit(&s->bound, next->level, next->count)) > left_ns(s)) return;
-        palp_contact_admit(next, s->fresh[i]);
-    }
-    if (missing > 0u || time_of(s, palp_cost_change(&s->bound, next->count)) > left_ns(s)) return;
-    if (palp_ladder_climb(l, tool)) s->counters.climbed++;
+    if (servo->state == PALP_STATE_RUN) palp_bounded_spare(&servo->bounded);
 }
 
 /* Full force after the ramp; fading to nothing while encoder values stay away. */
@@ -498,8 +368,10 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t i
                          palp_can_frame *out, palp_report *report) {
     palp_servo *s = servo;
     s->start_ns = s->config.port.now_ns(s->config.port.context);
-    palp_report r = {.tick = s->counters.ticks++, .level = palp_ladder_contact(&s->ladder)->level};
-    r.bound_ns = palp_cost_full(&s->bound, s->config.limits) * s->config.cost.ns_per_operation;
+    palp_report r = {.tick = s->counters.ticks++,
+                     .level = palp_ladder_contact(&s->bounded.ladder)->level};
+    r.bound_ns =
+        palp_cost_full(&s->bounded.bound, s->config.limits) * s->config.cost.ns_per_operation;
     take_frames(s, in, in_count);
     advance_state(s);
     run(s, &r);

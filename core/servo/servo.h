@@ -10,7 +10,7 @@
 
 #include "core/device/canframe.h"
 #include "core/green/field.h"
-#include "core/servo/budget.h"
+#include "core/servo/bounded.h"
 #include "core/servo/output.h"
 
 /* Where the body is felt: x_model = origin + scale R x_device, R row-major and orthonormal. */

@@ -331,14 +331,33 @@ static void cache_pair(palp_contact *c, uint32_t i, uint32_t j) {
     }
 }
 
+/* Drops the idle candidate farthest from its tool, if the new one is nearer. */
+static bool make_room(palp_contact *c, palp_fresh fresh) {
+    uint32_t node = c->blob->domain[PALP_FREE].node[fresh.slot], farthest = c->count;
+    float depth = palp_tool_at(&c->tools[fresh.tool], c->about[fresh.tool], position(c, node),
+                               normal(c, node))
+                      .depth_m;
+    float least = depth;
+    for (uint32_t k = 0; k < c->count; k++) {
+        if (c->candidate[k].at.depth_m >= least || palp_contact_is_active(c, k)) continue;
+        least = c->candidate[k].at.depth_m;
+        farthest = k;
+    }
+    c->work_done += c->count;
+    if (farthest < c->count) {
+        drop(c, farthest);
+        return true;
+    }
+    if (depth > 0.0f) c->flags |= PALP_CONTACT_CANDIDATES_FULL;
+    return false;
+}
+
 void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
     palp_contact *c = contact;
     uint32_t i = c->count, node = c->blob->domain[PALP_FREE].node[fresh.slot];
     if (c->place[fresh.slot] != 0u) return;
-    if (i == c->limits.max_candidates) {
-        c->flags |= PALP_CONTACT_CANDIDATES_FULL;
-        return;
-    }
+    if (i == c->limits.max_candidates && !make_room(c, fresh)) return;
+    i = c->count;
     palp_candidate *k = &c->candidate[i];
     *k = (palp_candidate){.node = node,
                           .slot = fresh.slot,

@@ -25,7 +25,7 @@
 
 #include "core/touch/contact.h"
 
-#define PALP_RELAX_S 0.02f /* time in which credits and reliefs fade */
+#define PALP_RELAX_S 0.1f /* time in which credits and reliefs fade */
 
 typedef struct {
     palp_contact contact[2];

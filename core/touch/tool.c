@@ -41,7 +41,7 @@ bool palp_tool_is_sound(const palp_tool *tool) {
 }
 
 float palp_tool_size(const palp_tool *tool) {
-    if (tool->balls == 0u) return palp_min(tool->pad.half_m[0], tool->pad.half_m[1]);
+    if (tool->balls == 0u) return tool->pad.edge_m;
     float least = tool->ball[0].radius_m;
     for (uint32_t i = 1; i < tool->balls; i++) least = palp_min(least, tool->ball[i].radius_m);
     return least;

@@ -55,7 +55,7 @@ palp_tool palp_tool_sphere(float radius_m);
 /* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10. */
 bool palp_tool_is_sound(const palp_tool *tool);
 
-/* The smallest radius or half extent: the scale of its search margins (m). */
+/* The smallest radius, of balls or edges: the scale of its search margins (m). */
 float palp_tool_size(const palp_tool *tool);
 
 /* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,

@@ -1,0 +1,220 @@
+/* SPDX-License-Identifier: MIT */
+#include "bounded.h"
+
+#define NS_PER_S 1e9f
+#define LEAST_PIVOTS 2u /* per solve, in the least answer on a rung */
+#define SPARE_HATS 2u   /* that the forces may come to load while a tick solves */
+#define PATIENCE 3u     /* ticks in a row that may be cut short before the rung is given up */
+#define CLIMB_AFTER 20u /* ticks on a rung before a finer one is prepared, at first */
+#define CLIMB_LATEST 1280u
+#define HELD 8u          /* waits that a climb must have held, or the next one waits longer */
+#define CLIMB_SHARE 0.7f /* of capacity and period that the finer rung may take */
+
+size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits) {
+    palp_arena arena = {0};
+    if (!palp_contact_limits_sound(limits)) return 0;
+    (void)palp_take(&arena, limits.max_new, sizeof(palp_fresh));
+    (void)palp_take(&arena, palp_ladder_memsize(blob, limits), 1);
+    return arena.used;
+}
+
+palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
+                              void *memory, size_t bytes, float *bound_ns) {
+    palp_bounded b = {
+        .config = *config, .climb_wait = CLIMB_AFTER, .since_climb = HELD * CLIMB_LATEST};
+    palp_arena arena = {.base = memory};
+    if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
+    bool positive = config->dt_s > 0.0f && config->cost.ns_per_operation > 0.0f &&
+                    config->cost.margin > 0.0f && config->port.now_ns != NULL;
+    if (!positive || config->tool_count < 1u || config->tool_count > PALP_MAX_TOOLS)
+        return PALP_ERR_ARGUMENT;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_bounded_memsize(config->blob, config->limits)) return PALP_ERR_MEMORY;
+    b.bound = palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
+    float least_ns = palp_cost_least(&b.bound) * config->cost.ns_per_operation;
+    if (bound_ns != NULL) *bound_ns = least_ns;
+    if (least_ns > config->cost.margin * NS_PER_S * config->dt_s) return PALP_ERR_BUDGET;
+    b.fresh = palp_take(&arena, config->limits.max_new, sizeof *b.fresh);
+    size_t room = palp_ladder_memsize(config->blob, config->limits);
+    void *ladder = palp_take(&arena, room, 1);
+    palp_status status =
+        palp_ladder_init(&b.ladder, config->blob, config->blob->rest_m, config->tools,
+                         config->tool_count, config->limits, ladder, room);
+    if (status == PALP_OK) *bounded = b;
+    return status;
+}
+
+void palp_bounded_reset(palp_bounded *bounded) {
+    palp_ladder_clear(&bounded->ladder);
+    palp_coupling_reset(&bounded->coupling);
+    bounded->cut_short = 0;
+    bounded->climb_wait = CLIMB_AFTER;
+    bounded->since_climb = HELD * CLIMB_LATEST;
+}
+
+uint64_t palp_bounded_work(const palp_bounded *bounded) {
+    return bounded->ladder.contact[0].work_done + bounded->ladder.contact[1].work_done;
+}
+
+/* ---- time ---- */
+
+static float left_ns(const palp_bounded *b) {
+    const palp_port *port = &b->config.port;
+    float spent_ns = (float)(port->now_ns(port->context) - b->start_ns);
+    return b->config.cost.margin * NS_PER_S * b->config.dt_s - spent_ns;
+}
+
+static float time_of(const palp_bounded *b, float operations) {
+    return operations * b->config.cost.ns_per_operation;
+}
+
+static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
+
+/* Bound of the least answer by the contact as it stands, with `more` candidates. */
+static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t more) {
+    uint32_t count = least(c->count + more, b->config.limits.max_candidates);
+    uint32_t reachable = c->active_count + PALP_COUPLING_SOLVES * LEAST_PIVOTS;
+    uint32_t active = least(least(reachable, count), b->config.limits.max_active);
+    return time_of(b, palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS));
+}
+
+/* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
+static float retreat_ns(palp_bounded *b) {
+    if (b->ladder.rung == 0u) return 0.0f;
+    uint32_t load = least(palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS,
+                          b->config.limits.max_candidates);
+    uint32_t active = least(load, b->config.limits.max_active);
+    return time_of(b, palp_cost_change(&b->bound, load) +
+                          palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS));
+}
+
+/* ---- the tick ---- */
+
+static void tools_of(const palp_bounded *b, palp_vec3 *tool_m) {
+    for (uint32_t t = 0; t < b->config.tool_count; t++) tool_m[t] = b->coupling.spring[t].tool_m;
+}
+
+static void drop(palp_bounded *b, palp_bounded_report *r) {
+    palp_vec3 tool_m[PALP_MAX_TOOLS];
+    tools_of(b, tool_m);
+    if (palp_ladder_drop(&b->ladder, tool_m)) r->aborted++;
+    b->cut_short = 0;
+    bool held = b->since_climb >= HELD * b->climb_wait;
+    b->climb_wait = held ? CLIMB_AFTER : least(2u * b->climb_wait, CLIMB_LATEST);
+    b->since_climb = HELD * CLIMB_LATEST;
+}
+
+static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
+    const uint32_t full = PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL;
+    bool crowded = (palp_ladder_contact(&b->ladder)->flags & full) != 0u;
+    if (crowded || b->cut_short >= PATIENCE) drop(b, r);
+    while (b->ladder.rung > 0u) {
+        const palp_contact *c = palp_ladder_contact(&b->ladder);
+        float need = answer_ns(b, c, 0u) +
+                     time_of(b, palp_cost_search(&b->bound, c->count, c->active_count));
+        b->retreat_ns = retreat_ns(b);
+        if (need + b->retreat_ns <= left_ns(b)) break;
+        drop(b, r);
+    }
+    if (b->ladder.rung == 0u) b->retreat_ns = 0.0f;
+}
+
+/* Takes in candidates as far as time allows. */
+static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_report *r) {
+    palp_contact *c = palp_ladder_contact(&b->ladder);
+    uint32_t fresh = palp_contact_search(c, around, b->fresh);
+    uint32_t i = 0;
+    for (; i < fresh; i++) {
+        float admit = time_of(b, palp_cost_admit(&b->bound, c->level, c->count));
+        if (admit + answer_ns(b, c, 1u) + b->retreat_ns > left_ns(b)) break;
+        palp_contact_admit(c, b->fresh[i]);
+    }
+    r->admitted = i;
+    r->deferred = fresh - i;
+}
+
+/* Solves on the present rung; false when time ran out before the least answer was there. */
+static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
+    palp_contact *c = palp_ladder_contact(&b->ladder);
+    uint32_t quanta = 0;
+    bool more = true;
+    palp_coupling_begin(&b->coupling, c, device_m);
+    while (more) {
+        float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count + 1u);
+        if (!b->coupling.solving)
+            quantum += palp_cost_solve(&b->bound, c->count, c->active_count + 1u);
+        if (quanta > 0u && time_of(b, quantum) + b->retreat_ns > left_ns(b)) break;
+        more = palp_coupling_step(&b->coupling, c);
+        quanta++;
+    }
+    *settled = !more;
+    return !more || quanta >= PALP_COUPLING_SOLVES * LEAST_PIVOTS;
+}
+
+void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
+                       palp_coupling_result *result, palp_bounded_report *report) {
+    palp_bounded *b = bounded;
+    palp_bounded_report r = {.aborted = 0};
+    palp_vec3 around[PALP_MAX_TOOLS];
+    bool settled;
+    b->start_ns = start_ns;
+    if (b->since_climb < HELD * CLIMB_LATEST) b->since_climb++;
+    choose_rung(b, &r);
+    palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
+    take_in(b, around, &r);
+    while (!solve(b, device_m, &settled) && b->ladder.rung > 0u) {
+        drop(b, &r);
+        b->retreat_ns = 0.0f; /* this answer is what was kept back */
+    }
+    b->cut_short = settled ? 0u : b->cut_short + 1u;
+    palp_contact *c = palp_ladder_contact(&b->ladder);
+    palp_coupling_end(&b->coupling, c, b->config.dt_s, result);
+    palp_ladder_relax(&b->ladder, b->config.dt_s);
+    r.level = c->level;
+    r.flags = c->flags;
+    r.pivots = c->pivots;
+    r.candidates = c->count;
+    r.active = c->active_count;
+    r.shortened = !settled || r.deferred > 0u;
+    *report = r;
+}
+
+/* ---- spare time ---- */
+
+/* Whether the next finer rung would have room and time to spare. */
+static bool finer_fits(palp_bounded *b) {
+    uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung + 1u);
+    uint32_t count = least(2u * load, b->config.limits.max_candidates);
+    if ((float)load > CLIMB_SHARE * b->bound.limit_active) return false;
+    float need = b->bound.fixed + palp_cost_search(&b->bound, count, load) +
+                 palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
+    float retreat =
+        palp_cost_change(&b->bound, load) + palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
+    float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
+    return time_of(b, need + retreat) <= share;
+}
+
+void palp_bounded_spare(palp_bounded *bounded) {
+    palp_bounded *b = bounded;
+    palp_ladder *l = &b->ladder;
+    palp_vec3 tool_m[PALP_MAX_TOOLS];
+    if (l->rung + 1u >= l->rungs) return;
+    if (palp_ladder_contact(l)->active_count == 0u) {
+        palp_ladder_clear(l);
+        return;
+    }
+    if (!l->preparing && ++l->waited < b->climb_wait) return;
+    if (!finer_fits(b)) {
+        palp_ladder_forget(l);
+        return;
+    }
+    tools_of(b, tool_m);
+    uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
+    palp_contact *next = palp_ladder_other(l);
+    for (uint32_t i = 0; i < missing; i++) {
+        if (time_of(b, palp_cost_admit(&b->bound, next->level, next->count)) > left_ns(b)) return;
+        palp_contact_admit(next, b->fresh[i]);
+    }
+    if (missing > 0u || time_of(b, palp_cost_change(&b->bound, next->count)) > left_ns(b)) return;
+    if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
+}

@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The bounded-time answer: contact, friction and coupling of one or several tools within a share of
+ * each period, on the finest constraint level that fits (MR 8.2).
+ *
+ *   tick   come down to a rung whose least answer, and the retreat below it, fit the time left
+ *          take in candidates while there is time for them and for the answer
+ *          solve pivot by pivot; when what is left comes down to the retreat, retreat
+ *   spare  after the answer is sent: prepare the next finer rung, and climb when it is ready
+ *
+ * The clock is looked at before each step, whose bound is known (budget.h), so nothing is begun
+ * that could end late. On the coarsest rung there is no retreat: steps stop in time, and the best
+ * forces so far, which are always feasible, are the answer.
+ */
+#ifndef PALP_SERVO_BOUNDED_H
+#define PALP_SERVO_BOUNDED_H
+
+#include "core/servo/budget.h"
+
+typedef struct {
+    const palp_blob *blob;
+    const palp_tool *tools; /* kept by reference */
+    uint32_t tool_count;
+    palp_contact_limits limits;
+    palp_cost_table cost;
+    palp_port port;
+    float dt_s;
+} palp_bounded_config;
+
+typedef struct {
+    palp_bounded_config config;
+    palp_cost_bound bound;
+    palp_ladder ladder;
+    palp_coupling coupling; /* the caller sets stiffness and damping of each spring after init */
+    palp_fresh *fresh;      /* [max_new] */
+    uint64_t start_ns;      /* of the tick under way */
+    float retreat_ns;
+    uint32_t cut_short; /* ticks in a row in which time ran out */
+    uint32_t
+        climb_wait; /* ticks on a rung before a finer one is prepared; grows while climbs fail */
+    uint32_t since_climb;
+} palp_bounded;
+
+typedef struct {
+    uint32_t level, aborted; /* level of the answer; levels given up in this tick */
+    uint32_t flags, pivots, candidates, active, admitted, deferred;
+    bool shortened; /* did less than the limits allow because time ran out */
+} palp_bounded_report;
+
+size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits);
+
+/*
+ * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer of the coarsest
+ * rung does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
+ */
+palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
+                              void *memory, size_t bytes, float *bound_ns);
+
+/* Lets everything go. */
+void palp_bounded_reset(palp_bounded *bounded);
+
+/* A tick that began at start_ns on the port's clock, devices at device_m[tool_count]. */
+void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
+                       palp_coupling_result *result, palp_bounded_report *report);
+
+/* Time left over in the same period. */
+void palp_bounded_spare(palp_bounded *bounded);
+
+/* Multiply-adds and look-ups counted so far, of all contacts. */
+uint64_t palp_bounded_work(const palp_bounded *bounded);
+
+#endif
