@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-#include "args.h"
-#include "build.h"
+#include "body.h"
 #include "commands.h"
 #include "parallel.h"
-#include "remesh.h"
 #include "sha256.h"
 #include "util.h"
 #include <inttypes.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
 static const char help[] =
     "usage: palp bake IN.(obj|stl|ply|model) -o OUT.palp --young PA --poisson NU --fix-... "
@@ -51,59 +47,23 @@ static const char help[] =
     "itself.\n";
 
 static const option options[] = {
-    {"-o", 1},          {"--mesh", 1},        {"--levels", 1},
-    {"--as-is", 0},     {"--loop", 1},        {"--young", 1},
-    {"--poisson", 1},   {"--density", 1},     {"--fix-below", 2},
-    {"--fix-above", 2}, {"--fix-box", 6},     {"--fix-nodes", 1},
-    {"--wavelet", 1},   {"--unlifted", 0},    {"--epsilon", 1},
-    {"--threshold", 1}, {"--table-mb", 1},    {"--constraint-level", 1},
-    {"--storage", 1},   {"--reciprocity", 1}, {"--compliance", 1},
-    {"--save-mesh", 1}, {"--threads", 1},     {NULL, 0},
+    BODY_OPTIONS,       {"-o", 1},
+    {"--wavelet", 1},   {"--unlifted", 0},
+    {"--epsilon", 1},   {"--threshold", 1},
+    {"--table-mb", 1},  {"--constraint-level", 1},
+    {"--storage", 1},   {"--reciprocity", 1},
+    {"--save-mesh", 1}, {NULL, 0},
 };
 
-#define MAX_FIXES 64
-
-typedef enum { FIX_BELOW, FIX_ABOVE, FIX_BOX, FIX_NODES } fix_kind;
 typedef struct {
-    fix_kind kind;
-    int axis;
-    double value[6];
-    const char *file;
-} fix;
-
-typedef struct {
-    const char *input, *mesh_path, *output, *save_mesh, *compliance;
-    const char *folder; /* of the model file, for relative paths */
-    bool as_is, half, raw, levels_given, level_chosen;
-    uint32_t levels, loop, constraint_level;
-    double young_Pa, poisson, density, epsilon, table_mb;
+    body_spec body;
+    const char *input, *output, *save_mesh;
+    bool half, raw, level_chosen;
+    uint32_t constraint_level;
+    double epsilon, table_mb;
     wavelet wavelet;
     threshold_rule rule;
-    fix fixes[MAX_FIXES];
-    int fix_count;
 } bake_spec;
-
-static const char *in_folder(const bake_spec *s, const char *path) {
-    if (s->folder == NULL || path[0] == '/') return path;
-    size_t n = strlen(s->folder) + strlen(path) + 2;
-    char *joined = allocate(n, 1);
-    snprintf(joined, n, "%s%s", s->folder, path);
-    return joined;
-}
-
-static void add_fix(bake_spec *s, const argument *a, fix_kind kind) {
-    if (s->fix_count == MAX_FIXES) die(EXIT_USAGE, "more than %d --fix options", MAX_FIXES);
-    fix *f = &s->fixes[s->fix_count++];
-    f->kind = kind;
-    if (kind == FIX_NODES) {
-        f->file = in_folder(s, a->value[0]);
-    } else if (kind == FIX_BOX) {
-        for (int k = 0; k < 6; k++) f->value[k] = arg_double(a, k);
-    } else {
-        f->axis = arg_axis(a, 0);
-        f->value[0] = arg_double(a, 1);
-    }
-}
 
 static void set_option(void *context, const argument *a) {
     static const char *const wavelets[] = {"linear", "butterfly", NULL};
@@ -115,32 +75,10 @@ static void set_option(void *context, const argument *a) {
     if (o == NULL) {
         if (s->input != NULL) die(EXIT_USAGE, "one input mesh, not also '%s'", a->value[0]);
         s->input = a->value[0];
+    } else if (body_option(&s->body, a)) {
+        return;
     } else if (strcmp(o, "-o") == 0) {
         s->output = a->value[0];
-    } else if (strcmp(o, "--mesh") == 0) {
-        s->mesh_path = in_folder(s, a->value[0]);
-    } else if (strcmp(o, "--levels") == 0) {
-        s->levels = arg_u32(a, 0, 0, 8);
-        s->levels_given = true;
-    } else if (strcmp(o, "--as-is") == 0) {
-        s->as_is = true;
-    } else if (strcmp(o, "--loop") == 0) {
-        s->loop = arg_u32(a, 0, 1, 8);
-        s->as_is = true;
-    } else if (strcmp(o, "--young") == 0) {
-        s->young_Pa = arg_between(a, 0, 1e15);
-    } else if (strcmp(o, "--poisson") == 0) {
-        s->poisson = arg_between(a, -1, 0.5);
-    } else if (strcmp(o, "--density") == 0) {
-        s->density = arg_between(a, 0, 1e6);
-    } else if (strcmp(o, "--fix-below") == 0) {
-        add_fix(s, a, FIX_BELOW);
-    } else if (strcmp(o, "--fix-above") == 0) {
-        add_fix(s, a, FIX_ABOVE);
-    } else if (strcmp(o, "--fix-box") == 0) {
-        add_fix(s, a, FIX_BOX);
-    } else if (strcmp(o, "--fix-nodes") == 0) {
-        add_fix(s, a, FIX_NODES);
     } else if (strcmp(o, "--wavelet") == 0) {
         s->wavelet.kind = arg_word(a, wavelets) == 1 ? WAVELET_BUTTERFLY : WAVELET_LINEAR;
     } else if (strcmp(o, "--unlifted") == 0) {
@@ -164,20 +102,14 @@ static void set_option(void *context, const argument *a) {
         s->half = arg_word(a, storages) == 1;
     } else if (strcmp(o, "--reciprocity") == 0) {
         s->raw = arg_word(a, reciprocities) == 1;
-    } else if (strcmp(o, "--compliance") == 0) {
-        s->compliance = in_folder(s, a->value[0]);
     } else if (strcmp(o, "--save-mesh") == 0) {
-        s->save_mesh = in_folder(s, a->value[0]);
-    } else if (strcmp(o, "--threads") == 0) {
-        set_threads(arg_u32(a, 0, 1, 64));
+        s->save_mesh = body_path(&s->body, a->value[0]);
     }
 }
 
 /* The command line; when it names a model file, that file first and the command line over it. */
 static bake_spec read_spec(int argc, char **argv) {
-    const bake_spec defaults = {.levels = 3,
-                                .poisson = (double)NAN,
-                                .density = 1000,
+    const bake_spec defaults = {.body = body_defaults,
                                 .epsilon = 0.05,
                                 .table_mb = 8,
                                 .wavelet = {.kind = WAVELET_LINEAR, .lifted = true}};
@@ -186,150 +118,16 @@ static bake_spec read_spec(int argc, char **argv) {
     const char *input = s.input;
     const char *dot = input != NULL ? strrchr(input, '.') : NULL;
     if (dot == NULL || strcmp(dot, ".model") != 0) {
-        if (input != NULL) s.mesh_path = input;
+        if (input != NULL) s.body.mesh_path = input;
         return s;
     }
     s = defaults;
-    char *folder = copy_string(input);
-    char *slash = strrchr(folder, '/');
-    if (slash != NULL) slash[1] = '\0';
-    s.folder = slash != NULL ? folder : NULL;
+    s.body.folder = body_folder(input);
     args_parse_file(input, options, set_option, &s);
-    s.folder = NULL;
+    s.body.folder = NULL;
     args_parse(argc, argv, options, help, set_option, &s);
-    if (s.mesh_path == NULL) die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
+    if (s.body.mesh_path == NULL) die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
     return s;
-}
-
-static void require_complete(const bake_spec *s) {
-    if (s->input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
-    if (s->output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
-    if (!(s->young_Pa > 0)) die(EXIT_USAGE, "no stiffness: add --young PA");
-    if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
-    if (s->fix_count == 0)
-        die(EXIT_USAGE, "no fixed node: add --fix-below, --fix-above, --fix-box or --fix-nodes");
-    if (s->as_is && s->levels_given)
-        die(EXIT_USAGE, "--levels remeshes: leave it out with --as-is or --loop");
-}
-
-/* ---- fixed nodes ---- */
-
-static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
-    size_t bytes;
-    char *text = read_file(f->file, &bytes);
-    size_t line = 0;
-    for (char *p = text; p != NULL;) {
-        char *next = strchr(p, '\n');
-        if (next != NULL) *next++ = '\0';
-        line++;
-        p[strcspn(p, "#\r")] = '\0';
-        p += strspn(p, " \t");
-        size_t length = strlen(p);
-        while (length > 0 && (p[length - 1] == ' ' || p[length - 1] == '\t')) p[--length] = '\0';
-        uint32_t node;
-        if (*p != '\0') {
-            if (!parse_u32(p, &node) || node >= nodes) {
-                die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, f->file, line, p,
-                    nodes - 1);
-            }
-            fixed[node] = 1;
-        }
-        p = next;
-    }
-    free(text);
-}
-
-static bool selects(const fix *f, const double x[3]) {
-    if (f->kind == FIX_BELOW) return x[f->axis] <= f->value[0];
-    if (f->kind == FIX_ABOVE) return x[f->axis] >= f->value[0];
-    for (int k = 0; k < 3; k++) {
-        if (x[k] < fmin(f->value[k], f->value[k + 3]) || x[k] > fmax(f->value[k], f->value[k + 3]))
-            return false;
-    }
-    return true;
-}
-
-/* Whether the fixed nodes lie on one line, about which the body could turn freely. */
-static bool collinear(const mesh *m, const uint8_t *fixed) {
-    const double *a = NULL, *b = NULL;
-    double reach = 0, off = 0;
-    for (int pass = 0; pass < 2; pass++) {
-        for (uint32_t i = 0; i < m->vertices; i++) {
-            if (fixed[i] == 0) continue;
-            if (a == NULL) a = m->x[i];
-            if (pass == 0 && v_distance(a, m->x[i]) > reach) {
-                reach = v_distance(a, m->x[i]);
-                b = m->x[i];
-            }
-            if (pass == 1 && b != NULL) {
-                double n[3];
-                triangle_normal(a, b, m->x[i], n);
-                off = fmax(off, v_norm(n) / reach);
-            }
-        }
-    }
-    return b == NULL || off < 1e-6 * mesh_diagonal(m);
-}
-
-static uint8_t *choose_fixed(const bake_spec *s, const mesh *m) {
-    uint8_t *fixed = allocate(m->vertices, 1);
-    for (int k = 0; k < s->fix_count; k++) {
-        const fix *f = &s->fixes[k];
-        if (f->kind == FIX_NODES) {
-            fix_listed(f, m->vertices, fixed);
-            continue;
-        }
-        for (uint32_t i = 0; i < m->vertices; i++) fixed[i] |= selects(f, m->x[i]) ? 1 : 0;
-    }
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < m->vertices; i++) count += fixed[i];
-    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-    for (uint32_t i = 0; i < m->vertices; i++) {
-        for (int k = 0; k < 3; k++) {
-            lo[k] = fmin(lo[k], m->x[i][k]);
-            hi[k] = fmax(hi[k], m->x[i][k]);
-        }
-    }
-    if (count == 0) {
-        die(EXIT_WORK, "no node is fixed: the mesh spans x %g..%g, y %g..%g, z %g..%g", lo[0],
-            hi[0], lo[1], hi[1], lo[2], hi[2]);
-    }
-    if (count == m->vertices)
-        die(EXIT_WORK, "all %" PRIu32 " nodes are fixed: nothing is left to touch", count);
-    if (collinear(m, fixed)) {
-        die(EXIT_WORK,
-            "the %" PRIu32 " fixed node(s) lie on one line, so the body could turn: fix more nodes",
-            count);
-    }
-    return fixed;
-}
-
-/* ---- the work ---- */
-
-static mesh prepare_mesh(const bake_spec *s) {
-    mesh m = mesh_load(s->mesh_path);
-    if (!s->as_is) {
-        mesh r = remesh(&m, s->mesh_path, s->levels, 0, NULL);
-        mesh_free(&m);
-        m = r;
-    }
-    mesh_require_closed(&m, s->mesh_path);
-    for (uint32_t l = 0; l < s->loop; l++) {
-        mesh finer = subdivide_loop(&m);
-        mesh_free(&m);
-        m = finer;
-    }
-    if (m.vertices > PALP_MAX_NODES) {
-        die(EXIT_WORK, "%s: %" PRIu32 " vertices; a blob holds at most %u: use --levels",
-            s->mesh_path, m.vertices, PALP_MAX_NODES);
-    }
-    return m;
-}
-
-/* Bytes that the dense matrices of a bake with that many load columns take. */
-static double memory_need(const mesh *m, double columns) {
-    double n = m->vertices;
-    return columns < n ? 72 * n * (n + 2 * columns) * 1.05 : 3 * 72 * n * n * 1.05;
 }
 
 static uint32_t choose_constraint_level(const bake_spec *s, const mesh *m, const domains *d) {
@@ -342,28 +140,8 @@ static uint32_t choose_constraint_level(const bake_spec *s, const mesh *m, const
         level = s->constraint_level;
     }
     double columns = level + 1 < f->levels ? f->level_start[level + 1] : m->vertices;
-    double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
-    if (memory_need(m, columns) > have) {
-        die(EXIT_WORK,
-            "%s: %" PRIu32
-            " vertices need %.1f GB of memory, this machine has %.1f GB: use --levels%s",
-            s->mesh_path, m->vertices, memory_need(m, columns) * 1e-9, have * 1e-9,
-            f->levels > 1 ? ", or --constraint-level for Green's functions of coarse levels only"
-                          : "");
-    }
+    body_require_memory(&s->body, m, columns, f->levels > 1);
     return level;
-}
-
-static greens compute_greens(const bake_spec *s, const mesh *m, const uint8_t *fixed,
-                             const domains *d, uint32_t level) {
-    bool coarse = level + 1 < d->domain[PALP_FREE].view.levels;
-    if (s->compliance != NULL && coarse)
-        die(EXIT_USAGE, "--constraint-level is for the solver, not for --compliance");
-    if (s->compliance != NULL) return greens_from_npy(s->compliance, m, fixed);
-    bem_material material = {
-        .young_Pa = s->young_Pa, .poisson = s->poisson, .tolerance = BEM_TOLERANCE};
-    if (coarse) return greens_coarse_from_bem(m, fixed, &material, s->density, &d->h, level);
-    return greens_from_bem(m, fixed, &material, s->density);
 }
 
 static void report_softening(const built *b, double epsilon) {
@@ -413,11 +191,11 @@ static void report(FILE *f, const built *b, double seconds) {
 
 /* Scalars that the mesh file and the options give the blob. */
 static palp_meta describe(const bake_spec *s) {
-    palp_meta meta = {.young_Pa = (float)s->young_Pa,
-                      .poisson = (float)s->poisson,
-                      .density_kg_m3 = (float)s->density};
+    palp_meta meta = {.young_Pa = (float)s->body.young_Pa,
+                      .poisson = (float)s->body.poisson,
+                      .density_kg_m3 = (float)s->body.density};
     size_t bytes;
-    char *file = read_file(s->mesh_path, &bytes);
+    char *file = read_file(s->body.mesh_path, &bytes);
     sha256(file, bytes, meta.mesh_sha256);
     free(file);
     return meta;
@@ -426,12 +204,14 @@ static palp_meta describe(const bake_spec *s) {
 int command_bake(int argc, char **argv) {
     double start = now_s();
     bake_spec s = read_spec(argc, argv);
-    require_complete(&s);
+    if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
+    if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
+    body_require(&s.body);
     output out = open_output(s.output);
 
-    mesh m = prepare_mesh(&s);
+    mesh m = body_mesh(&s.body);
     if (s.save_mesh != NULL) mesh_save_obj(&m, s.save_mesh);
-    uint8_t *fixed = choose_fixed(&s, &m);
+    uint8_t *fixed = body_fixed(&s.body, &m);
     double *area = allocate(m.vertices, sizeof *area);
     double(*normal)[3] = allocate(m.vertices, sizeof *normal);
     mesh_nodal(&m, area, normal);
@@ -441,8 +221,7 @@ int command_bake(int argc, char **argv) {
                            .raw = s.raw};
     domains d = domains_build(&m, fixed, area, build.wavelet);
     build.constraint_level = choose_constraint_level(&s, &m, &d);
-    greens g = compute_greens(&s, &m, fixed, &d, build.constraint_level);
-    if (g.basis_count == 0) greens_reciprocity(&g, &m, !s.raw);
+    greens g = body_greens(&s.body, &m, fixed, &d, build.constraint_level, s.raw);
     built b = blob_build(&m, &g, &d, area, normal, describe(&s), &build);
     report_softening(&b, s.epsilon);
     if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);

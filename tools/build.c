@@ -80,30 +80,10 @@ static void compress_blocks(builder *b) {
     }
 }
 
-typedef struct {
-    const builder *b;
-    uint32_t level;
-    double *x;
-} gathering;
-
-static void gather_row(void *context, size_t row) {
-    const gathering *c = context;
-    const builder *b = c->b;
-    size_t fine = level_nodes(b, b->level), coarse = level_nodes(b, c->level);
-    double *all = allocate(3 * fine, sizeof *all);
-    for (size_t j = 0; j < fine; j++)
-        memcpy(all + 3 * j, b->g->m + row * b->g->width + b->first[j], 3 * sizeof *all);
-    hierarchy_gather(&b->d->h, b->level, c->level, all);
-    memcpy(c->x + row * 3 * coarse, all, 3 * coarse * sizeof *all);
-    free(all);
-}
-
 /* The columns of `level`, [3 nodes][3 n_level], from those of the constraint level. */
 static double *gather_columns(const builder *b, uint32_t level) {
-    gathering c = {.b = b, .level = level};
-    c.x = allocate_aligned(9 * (size_t)b->g->nodes * level_nodes(b, level), sizeof *c.x);
-    parallel_for(3 * (size_t)b->g->nodes, gather_row, &c);
-    return c.x;
+    return hierarchy_columns(&b->d->h, b->level, level, b->g->m, b->g->width, b->first,
+                             3 * (size_t)b->g->nodes);
 }
 
 static double table_size(const builder *b, uint32_t level) {

@@ -10,6 +10,10 @@ int command_subdivide(int argc, char **argv);
 int command_bake(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_solve(int argc, char **argv);
+int command_study(int argc, char **argv);
+int command_reproduce(int argc, char **argv);
+int command_pack(int argc, char **argv);
+int command_unpack(int argc, char **argv);
 
 /* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay
  * allocated. */

@@ -71,6 +71,36 @@ void hierarchy_coarsen(const hierarchy *h, uint32_t from, uint32_t to, double *x
     parallel_for(rows, coarsen_row, &c);
 }
 
+typedef struct {
+    const hierarchy *h;
+    uint32_t from, to;
+    const double *m;
+    size_t width;
+    const size_t *first;
+    double *out;
+} column_gathering;
+
+static void gather_columns_row(void *context, size_t row) {
+    const column_gathering *c = context;
+    size_t fine = c->h->domain.level_start[c->from + 1];
+    size_t coarse = c->h->domain.level_start[c->to + 1];
+    double *all = allocate(3 * fine, sizeof *all);
+    for (size_t j = 0; j < fine; j++)
+        memcpy(all + 3 * j, c->m + row * c->width + c->first[j], 3 * sizeof *all);
+    hierarchy_gather(c->h, c->from, c->to, all);
+    memcpy(c->out + row * 3 * coarse, all, 3 * coarse * sizeof *all);
+    free(all);
+}
+
+double *hierarchy_columns(const hierarchy *h, uint32_t from, uint32_t to, const double *m,
+                          size_t width, const size_t *first, size_t rows) {
+    column_gathering c = {
+        .h = h, .from = from, .to = to, .m = m, .width = width, .first = first};
+    c.out = allocate_aligned(rows * 3 * h->domain.level_start[to + 1], sizeof *c.out);
+    parallel_for(rows, gather_columns_row, &c);
+    return c.out;
+}
+
 double *hierarchy_compliance(const hierarchy *h, uint32_t level, const double *x, size_t stride) {
     const palp_domain *d = &h->domain;
     size_t width = 3 * (size_t)d->level_start[level + 1];

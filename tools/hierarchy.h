@@ -22,6 +22,11 @@ void hierarchy_gather(const hierarchy *h, uint32_t from, uint32_t to, double *ro
 void hierarchy_coarsen(const hierarchy *h, uint32_t from, uint32_t to, double *x, size_t stride,
                        size_t rows);
 
+/* Rows of the columns of level `to`, [rows][3 n_to], to be freed, from a matrix that holds those of
+ * level `from`: block column k begins at first[k]. */
+double *hierarchy_columns(const hierarchy *h, uint32_t from, uint32_t to, const double *m,
+                          size_t width, const size_t *first, size_t rows);
+
 /*
  * R_l G R_l^T from the columns of level l: rows of the free nodes in slot order are averaged down
  * to K(l). `x` is [3 nodes][stride]. Returns [3 n_l][3 n_l], not symmetrised, to be freed.

@@ -14,6 +14,10 @@ static const struct {
     {"bake", command_bake, "compute and compress Green's functions: mesh in, blob out"},
     {"info", command_info, "say what a blob holds"},
     {"solve", command_solve, "solve one boundary value problem with a blob"},
+    {"study", command_study, "error against compression of a body, every wavelet and level"},
+    {"reproduce", command_reproduce, "the paper's tables and figures from our own models"},
+    {"pack", command_pack, "quantise and entropy-code a blob for transport"},
+    {"unpack", command_unpack, "a packed blob back into a blob"},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])
 
