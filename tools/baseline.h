@@ -17,7 +17,8 @@ typedef struct {
 typedef struct {
     double compression; /* dense bytes over stored bytes */
     double rms;
-    double work; /* multiply-adds of one product with every column loaded, over the dense product's */
+    double
+        work; /* multiply-adds of one product with every column loaded, over the dense product's */
     double work_patch; /* of one with 40 neighbouring columns loaded, over the dense one's */
 } baseline_result;
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MAX_SECTIONS 160
+#define MAX_SECTIONS BLOB_MAX_SECTIONS
 
 typedef struct {
     palp_blob_entry entry[MAX_SECTIONS];
@@ -164,6 +164,14 @@ static uint8_t *lay_out(section_list *l, size_t *bytes) {
     memcpy(blob + sizeof h, l->entry, l->count * sizeof(palp_blob_entry));
     *bytes = at;
     return blob;
+}
+
+uint8_t *blob_assemble(const palp_blob_entry *entry, const void *const *data, uint32_t count,
+                       size_t *bytes) {
+    section_list l = {.count = 0};
+    for (uint32_t i = 0; i < count; i++)
+        add(&l, entry[i].type, data[i], entry[i].count, entry[i].element_bytes);
+    return lay_out(&l, bytes);
 }
 
 uint8_t *blob_serialize(blob_content *c, size_t *bytes) {

@@ -3,6 +3,8 @@
 #ifndef PALP_TOOLS_BLOBWRITE_H
 #define PALP_TOOLS_BLOBWRITE_H
 
+#define BLOB_MAX_SECTIONS 160u
+
 #include "compress.h"
 #include "hierarchy.h"
 
@@ -21,6 +23,11 @@ typedef struct {
     const domain_data *domain[PALP_DOMAINS];
     const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */
 } blob_content;
+
+/* Lays sections out (type, element_bytes and count of each entry are read) with offsets and CRCs.
+ */
+uint8_t *blob_assemble(const palp_blob_entry *entry, const void *const *data, uint32_t count,
+                       size_t *bytes);
 
 /* Returns the finished bytes (64-byte aligned, to be freed); they pass palp_blob_open. */
 uint8_t *blob_serialize(blob_content *content, size_t *bytes);

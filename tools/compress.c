@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "compress.h"
 #include "core/green/columns.h"
+#include "half.h"
 #include "parallel.h"
 #include "util.h"
 #include <math.h>
@@ -44,26 +45,6 @@ static double block_norm(const float *field, uint32_t slots, uint32_t slot) {
         for (uint32_t i = 0; i < 3; i++) sum += (double)x[i] * (double)x[i];
     }
     return sqrt(sum);
-}
-
-/* Nearest IEEE half (ties to even); |x| <= 1 here, so no overflow. */
-static uint16_t to_half(float x) {
-    double scaled = fabs((double)x);
-    uint16_t sign = signbit(x) != 0 ? 0x8000u : 0u;
-    int exponent;
-    (void)frexp(scaled, &exponent);
-    if (exponent < -13 || !(scaled > 0)) exponent = -13;
-    double mantissa =
-        nearbyint(ldexp(scaled, 11 - exponent)); /* 1024..2048, or less when subnormal */
-    uint32_t bits = (uint32_t)((exponent + 13) << 10) + (uint32_t)mantissa;
-    return (uint16_t)(sign | bits);
-}
-
-static float from_half(uint16_t h) {
-    int exponent = (h >> 10) & 31;
-    double m = h & 1023;
-    double v = exponent == 0 ? ldexp(m, -24) : ldexp(m + 1024, exponent - 25);
-    return (float)((h & 0x8000u) != 0 ? -v : v);
 }
 
 static double largest_block(const float *field, uint32_t slots) {

@@ -94,8 +94,7 @@ static void gather_columns_row(void *context, size_t row) {
 
 double *hierarchy_columns(const hierarchy *h, uint32_t from, uint32_t to, const double *m,
                           size_t width, const size_t *first, size_t rows) {
-    column_gathering c = {
-        .h = h, .from = from, .to = to, .m = m, .width = width, .first = first};
+    column_gathering c = {.h = h, .from = from, .to = to, .m = m, .width = width, .first = first};
     c.out = allocate_aligned(rows * 3 * h->domain.level_start[to + 1], sizeof *c.out);
     parallel_for(rows, gather_columns_row, &c);
     return c.out;

@@ -77,8 +77,8 @@ static double place_y(const axis_range *a, double v) {
 
 static void draw_axes(FILE *f, const plot_chart *c, const axis_range *x, const axis_range *y) {
     double tick[24];
-    fprintf(f, "<rect x='%g' y='%g' width='%g' height='%g' fill='none' stroke='#999'/>\n", LEFT, TOP,
-            WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
+    fprintf(f, "<rect x='%g' y='%g' width='%g' height='%g' fill='none' stroke='#999'/>\n", LEFT,
+            TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
     size_t n = ticks_of(x, tick);
     for (size_t i = 0; i < n; i++) {
         double at = place_x(x, tick[i]);
@@ -95,8 +95,8 @@ static void draw_axes(FILE *f, const plot_chart *c, const axis_range *x, const a
                 "text-anchor='end'>%g</text>\n",
                 LEFT, at, WIDTH - RIGHT, LEFT - 6, at + 4, tick[i]);
     }
-    fprintf(f, "<text x='%g' y='%g' text-anchor='middle'>%s</text>\n",
-            (LEFT + WIDTH - RIGHT) / 2, HEIGHT - 10, c->x_label);
+    fprintf(f, "<text x='%g' y='%g' text-anchor='middle'>%s</text>\n", (LEFT + WIDTH - RIGHT) / 2,
+            HEIGHT - 10, c->x_label);
     fprintf(f, "<text transform='translate(16 %g) rotate(-90)' text-anchor='middle'>%s</text>\n",
             (TOP + HEIGHT - BOTTOM) / 2, c->y_label);
 }
@@ -108,13 +108,15 @@ static void draw_series(FILE *f, const plot_series *s, size_t number, const axis
     fprintf(f, "<g stroke='%s' fill='%s' opacity='%s'>\n", colour, colour, s->faint ? "0.4" : "1");
     if (!s->dots) fprintf(f, "<path fill='none' stroke-width='1.6' d='");
     for (size_t i = 0; i < s->count && !s->dots; i++) {
-        if (!isfinite(s->y[i]) || (y->log && !(s->y[i] > 0)) || (x->log && !(s->x[i] > 0))) continue;
+        if (!isfinite(s->y[i]) || (y->log && !(s->y[i] > 0)) || (x->log && !(s->x[i] > 0)))
+            continue;
         fprintf(f, "%c%.1f %.1f", begun ? 'L' : 'M', place_x(x, s->x[i]), place_y(y, s->y[i]));
         begun = true;
     }
     if (!s->dots) fprintf(f, "'/>\n");
     for (size_t i = 0; i < s->count; i++) {
-        if (!isfinite(s->y[i]) || (y->log && !(s->y[i] > 0)) || (x->log && !(s->x[i] > 0))) continue;
+        if (!isfinite(s->y[i]) || (y->log && !(s->y[i] > 0)) || (x->log && !(s->x[i] > 0)))
+            continue;
         fprintf(f, "<circle cx='%.1f' cy='%.1f' r='%s' stroke='none'/>\n", place_x(x, s->x[i]),
                 place_y(y, s->y[i]), s->dots ? "1.1" : "2.4");
     }

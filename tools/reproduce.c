@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The tables and figures of the multiresolution paper from our own models, beside its own figures. */
+/* The tables and figures of the multiresolution paper from our own models, beside its own figures.
+ */
 #include "baseline.h"
 #include "body.h"
 #include "commands.h"
@@ -256,8 +257,8 @@ static extraction time_extraction(const palp_blob *b) {
     float block[9], sum = 0;
     double row_s = 0, extract_s = 0;
     for (uint32_t i = 0; i < rows; i++) {
-        uint32_t slot = d->level_start[d->levels - 1] +
-                        i * (d->slots - d->level_start[d->levels - 1]) / rows;
+        uint32_t slot =
+            d->level_start[d->levels - 1] + i * (d->slots - d->level_start[d->levels - 1]) / rows;
         double start = now_s();
         for (int repeat = 0; repeat < 10; repeat++)
             (void)palp_wavelet_row(d, slot, &scratch, &row, d->slots);
@@ -298,15 +299,15 @@ static void table_3(work *w) {
     begin_figure(w, "Table III: extraction of 3x3 blocks",
                  "8, 20 and 36 us per block for 2, 3 and 4 levels to reconstruct. A row of the "
                  "inverse transform serves all blocks of its node; a tick keeps it.");
-    fprintf(w->page,
-            "<table><tr><th>levels to reconstruct<th>entries of a row<th>row (us)<th>block with its "
-            "row at hand (us)<th>both (us)<th>table look-up (us)<th>block / look-up</tr>\n");
+    fprintf(
+        w->page,
+        "<table><tr><th>levels to reconstruct<th>entries of a row<th>row (us)<th>block with its "
+        "row at hand (us)<th>both (us)<th>table look-up (us)<th>block / look-up</tr>\n");
     for (int k = 0; k < CASES; k++) {
         extraction e = time_extraction(&w->blob[k]);
         fprintf(csv.file, "%d,%.3g,%.4g,%.4g,%.4g,%.4g,%.4g\n", k + 2, e.entries, e.row_us,
                 e.extract_us, e.row_us + e.extract_us, e.lookup_us, e.extract_us / e.lookup_us);
-        fprintf(w->page,
-                "<tr><td>%d<td>%.0f<td>%.3g<td>%.3g<td>%.3g<td>%.3g<td>%.0f</tr>\n", k + 2,
+        fprintf(w->page, "<tr><td>%d<td>%.0f<td>%.3g<td>%.3g<td>%.3g<td>%.3g<td>%.0f</tr>\n", k + 2,
                 e.entries, e.row_us, e.extract_us, e.row_us + e.extract_us, e.lookup_us,
                 e.extract_us / e.lookup_us);
     }
@@ -371,17 +372,18 @@ static void figures_14_15(work *w, study_point best[STUDY_EPSILONS]) {
         label[k] = k == 4 ? "linear lifted, global rule" : wavelet_label(v);
     }
     memcpy(best, p[0], sizeof p[0]);
-    begin_figure(w, "Figure 14: error against compression, L = 4",
-                 "lifted linear compresses 8.4, 25 and 68 times at epsilon .01, .05 and .2; lifting "
-                 "helps, butterfly hardly more than linear");
+    begin_figure(
+        w, "Figure 14: error against compression, L = 4",
+        "lifted linear compresses 8.4, 25 and 68 times at epsilon .01, .05 and .2; lifting "
+        "helps, butterfly hardly more than linear");
     save_curves(w, "figure-14.csv", c, curve, 5);
     add_chart(w, "figure-14-rms.svg", "RMS error", BY_COMPRESSION, RMS_ERROR, curve, label, 5);
     add_chart(w, "figure-14-max.svg", "MAX error", BY_COMPRESSION, MAX_ERROR, curve, label, 5);
     fprintf(w->page, "<table><tr><th>epsilon<th>compression<th>RMS<th>MAX<th>at equal RMS, the "
                      "global rule (compression)<th>its MAX at the same epsilon</tr>\n");
     for (size_t e = 0; e < STUDY_EPSILONS; e++) {
-        fprintf(w->page, "<tr><td>%g<td>%.1f<td>%.4f<td>%.3f<td>%.1f<td>%.3f</tr>\n", p[0][e].epsilon,
-                p[0][e].compression, p[0][e].rms, p[0][e].max,
+        fprintf(w->page, "<tr><td>%g<td>%.1f<td>%.4f<td>%.3f<td>%.1f<td>%.3f</tr>\n",
+                p[0][e].epsilon, p[0][e].compression, p[0][e].rms, p[0][e].max,
                 study_compression_at(p[4], p[0][e].rms), p[4][e].max);
         printf("  lifted linear, epsilon %-5g compression %6.1f RMS %.4f MAX %.3f; global rule at "
                "this RMS %6.1f\n",
@@ -399,9 +401,10 @@ static void figure_16(work *w) {
     static study_point p[CASES][STUDY_EPSILONS];
     const wavelet v = {WAVELET_LINEAR, true};
     output csv = begin_csv(w, "figure-16.csv", "rms,ratio_3_2,ratio_4_3");
-    begin_figure(w, "Figure 16: how compression grows with resolution",
-                 "the ratio of speed-ups of adjacent resolutions lies between 1.5 and 4 and flattens "
-                 "once the error is above a few per cent");
+    begin_figure(
+        w, "Figure 16: how compression grows with resolution",
+        "the ratio of speed-ups of adjacent resolutions lies between 1.5 and 4 and flattens "
+        "once the error is above a few per cent");
     for (int k = 0; k < CASES; k++)
         study_curve(&w->small[k], v, THRESHOLD_COLUMN, w->small[k].stored, p[k]);
     double x[24], y[2][24];
@@ -446,9 +449,10 @@ static void figure_17(work *w) {
     const study_case *c = &w->small[1];
     double x[STUDY_EPSILONS], y[STUDY_EPSILONS], dense_us = 0, inverse_us = HUGE_VAL;
     output csv = begin_csv(w, "figure-17.csv", "epsilon,blocks_per_column,us_per_column,dense_us");
-    begin_figure(w, "Figure 17: fast summation cost per GF, L = 3",
-                 "proportional to the non-zero blocks; dense 0.19 ms per GF, inverse transform 0.38 "
-                 "ms (537 nodes)");
+    begin_figure(
+        w, "Figure 17: fast summation cost per GF, L = 3",
+        "proportional to the non-zero blocks; dense 0.19 ms per GF, inverse transform 0.38 "
+        "ms (537 nodes)");
     domains d = domains_build(&c->m, c->fixed, c->area, (wavelet){WAVELET_LINEAR, true});
     const domain_data *f = &d.domain[PALP_FREE];
     size_t *first = allocate(f->view.slots, sizeof *first);
@@ -476,10 +480,10 @@ static void figure_17(work *w) {
     for (int round = 0; round < 50; round++) {
         double start = now_s();
         palp_wavelet_inverse(&f->view, field, f->view.levels - 1);
-        inverse_us = fmin(inverse_us, now_s() - start) ;
+        inverse_us = fmin(inverse_us, now_s() - start);
     }
-    fprintf(w->page, "<p>All blocks kept: %.3g us per GF; inverse transform: %.3g us.</p>\n", dense_us,
-            inverse_us * 1e6);
+    fprintf(w->page, "<p>All blocks kept: %.3g us per GF; inverse transform: %.3g us.</p>\n",
+            dense_us, inverse_us * 1e6);
     plot_series s = {.name = "lifted linear", .count = STUDY_EPSILONS, .x = x, .y = y};
     plot_chart chart = {.title = "time per column summed (us)",
                         .x_label = "stored blocks per column",
@@ -555,11 +559,11 @@ static void compare_baselines(work *w, const study_point *wavelets) {
     }
     m.g = g;
     m.x = (const double(*)[3])x;
-    output csv = begin_csv(w, "compressions.csv",
-                           "method,rms,compression,work,work_of_40_columns");
-    begin_figure(w, "Do wavelets pay? Other compressions at equal RMS error, L = 4",
-                 "no such comparison. Work is in multiply-adds of a product over those of the dense "
-                 "one, index bytes count as storage.");
+    output csv = begin_csv(w, "compressions.csv", "method,rms,compression,work,work_of_40_columns");
+    begin_figure(
+        w, "Do wavelets pay? Other compressions at equal RMS error, L = 4",
+        "no such comparison. Work is in multiply-adds of a product over those of the dense "
+        "one, index bytes count as storage.");
     fprintf(w->page, "<table><tr><th>RMS<th>lifted linear<th>truncated dense<th>half "
                      "dense<th>block low rank, clusters of 64<th>of 32<th>wavelet / best "
                      "other</tr>\n");
@@ -570,8 +574,8 @@ static void compare_baselines(work *w, const study_point *wavelets) {
         double ours = wavelets[e].compression * 36 / 38; /* with its index */
         baseline_result t = baseline_truncated(&m, rms);
         baseline_result l64 = baseline_low_rank(&m, 64, rms), l32 = baseline_low_rank(&m, 32, rms);
-        double best = fmax(fmax(t.compression, half.compression),
-                           fmax(l64.compression, l32.compression));
+        double best =
+            fmax(fmax(t.compression, half.compression), fmax(l64.compression, l32.compression));
         fprintf(csv.file, "wavelet,%.4g,%.4g,%.4g,%.4g\n", rms, ours, 1 / wavelets[e].compression,
                 1 / wavelets[e].compression);
         fprintf(csv.file, "truncated,%.4g,%.4g,%.4g,%.4g\n", t.rms, t.compression, t.work,
@@ -607,7 +611,8 @@ static int nearer(const void *a, const void *b) {
 
 /* Total force of a flat push of the `count` nodes nearest to `center` on one level. */
 static bool patch_force(palp_cma *cma, const near_node *list, uint32_t count, palp_vec3 push,
-                        uint32_t level, palp_pairing pairing, float *u, float *f, palp_vec3 *total) {
+                        uint32_t level, palp_pairing pairing, float *u, float *f,
+                        palp_vec3 *total) {
     palp_cma_clear(cma);
     (void)palp_cma_level(cma, level, pairing);
     for (uint32_t i = 0; i < count; i++) {
@@ -638,15 +643,16 @@ static void patch_errors(const palp_blob *b, uint32_t count, patch_error error[P
     for (uint32_t k = 0; k < b->level[1].nodes; k++) {
         uint32_t center = b->domain[PALP_FREE].node[k];
         palp_vec3 x = palp_vec3_at(b->rest_m + 3 * center);
-        palp_vec3 push = palp_scale(-0.02f * b->meta->mean_edge_m,
-                                    palp_vec3_at(b->normal + 3 * center));
+        palp_vec3 push =
+            palp_scale(-0.02f * b->meta->mean_edge_m, palp_vec3_at(b->normal + 3 * center));
         for (uint32_t i = 0; i < n; i++) {
             palp_vec3 off = palp_sub(palp_vec3_at(b->rest_m + 3 * i), x);
             list[i] = (near_node){i, (double)palp_dot(off, off)};
         }
         qsort(list, n, sizeof *list, nearer);
         bool usable = true;
-        for (uint32_t i = 0; i < count; i++) usable = usable && !palp_node_is_fixed(b, list[i].node);
+        for (uint32_t i = 0; i < count; i++)
+            usable = usable && !palp_node_is_fixed(b, list[i].node);
         palp_vec3 exact;
         if (!usable || !patch_force(&cma, list, count, push, finest, PALP_ENERGETIC, u, f, &exact))
             continue;
@@ -658,11 +664,10 @@ static void patch_errors(const palp_blob *b, uint32_t count, patch_error error[P
                 hats += palp_node_slot(b, list[i].node) < b->level[l].nodes;
             for (int p = 0; p < 2 && sound; p++) {
                 palp_vec3 got;
-                sound = hats > 0 && patch_force(&cma, list, count, push, l,
-                                                p == 0 ? PALP_ENERGETIC : PALP_COLLOCATED, u, f,
-                                                &got);
-                if (sound)
-                    off[p] = (double)(palp_norm(palp_sub(got, exact)) / palp_norm(exact));
+                sound =
+                    hats > 0 && patch_force(&cma, list, count, push, l,
+                                            p == 0 ? PALP_ENERGETIC : PALP_COLLOCATED, u, f, &got);
+                if (sound) off[p] = (double)(palp_norm(palp_sub(got, exact)) / palp_norm(exact));
             }
             if (!sound) continue;
             error[l].patches++;
@@ -687,10 +692,11 @@ static void compare_levels(work *w) {
     output csv = begin_csv(w, "levels.csv",
                            "patch_nodes,levels_down,patches,unknowns,energetic_mean,energetic_max,"
                            "collocated_mean,collocated_max,entries_ratio,factor_ratio");
-    begin_figure(w, "Force of a flat push on coarser constraint levels, L = 4",
-                 "no figures; its section 8 predicts 4 times fewer constraints, 16 times fewer "
-                 "entries, 64 times less factorisation per level. Patches about every node of the two "
-                 "coarsest levels; all components prescribed; epsilon .002.");
+    begin_figure(
+        w, "Force of a flat push on coarser constraint levels, L = 4",
+        "no figures; its section 8 predicts 4 times fewer constraints, 16 times fewer "
+        "entries, 64 times less factorisation per level. Patches about every node of the two "
+        "coarsest levels; all components prescribed; epsilon .002.");
     fprintf(w->page, "<table><tr><th>nodes<th>levels down<th>patches<th>unknowns<th>energetic, "
                      "mean<th>max<th>collocated, mean<th>max<th>entries, times fewer<th>factor, "
                      "times cheaper</tr>\n");
@@ -711,10 +717,11 @@ static void compare_levels(work *w) {
                     sizes[s], down, e->patches, e->unknowns / n, 100 * e->sum[0] / n,
                     100 * e->largest[0], 100 * e->sum[1] / n, 100 * e->largest[1], ratio * ratio,
                     ratio * ratio * ratio);
-            printf("  %3u nodes, %u down (%3u patches, %5.1f unknowns): energetic mean %4.1f %% max "
-                   "%4.1f %%, collocated mean %4.1f %% max %4.1f %%\n",
-                   sizes[s], down, e->patches, e->unknowns / n, 100 * e->sum[0] / n,
-                   100 * e->largest[0], 100 * e->sum[1] / n, 100 * e->largest[1]);
+            printf(
+                "  %3u nodes, %u down (%3u patches, %5.1f unknowns): energetic mean %4.1f %% max "
+                "%4.1f %%, collocated mean %4.1f %% max %4.1f %%\n",
+                sizes[s], down, e->patches, e->unknowns / n, 100 * e->sum[0] / n,
+                100 * e->largest[0], 100 * e->sum[1] / n, 100 * e->largest[1]);
         }
     }
     fprintf(w->page, "</table>\n");

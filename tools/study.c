@@ -137,10 +137,10 @@ static void set_option(void *context, const argument *a) {
 static void set_model_option(void *context, const argument *a) { (void)body_option(context, a); }
 
 static void read_model(const char *path, body_spec *body) {
-    static const option keys[] = {BODY_OPTIONS,       {"--epsilon", 1},   {"--wavelet", 1},
-                                  {"--unlifted", 0},  {"--threshold", 1}, {"--storage", 1},
-                                  {"--table-mb", 1},  {"--reciprocity", 1},
-                                  {"--save-mesh", 1}, {"--constraint-level", 1}, {NULL, 0}};
+    static const option keys[] = {
+        BODY_OPTIONS,       {"--epsilon", 1},          {"--wavelet", 1},  {"--unlifted", 0},
+        {"--threshold", 1}, {"--storage", 1},          {"--table-mb", 1}, {"--reciprocity", 1},
+        {"--save-mesh", 1}, {"--constraint-level", 1}, {NULL, 0}};
     *body = body_defaults;
     body->folder = body_folder(path);
     args_parse_file(path, keys, set_model_option, body);
@@ -251,10 +251,8 @@ static void chart(const char *folder, const study_case *c, const char *suffix, b
             x[k][e] = against_epsilon ? curve[k][e].epsilon : curve[k][e].compression;
             y[k][e] = curve[k][e].rms;
         }
-        series[k] = (plot_series){.count = STUDY_EPSILONS,
-                                  .x = x[k],
-                                  .y = y[k],
-                                  .faint = !curve[k][0].w.lifted};
+        series[k] = (plot_series){
+            .count = STUDY_EPSILONS, .x = x[k], .y = y[k], .faint = !curve[k][0].w.lifted};
         snprintf(series[k].name, sizeof series[k].name, "%s%s, level %" PRIu32,
                  wavelet_label(curve[k][0].w),
                  curve[k][0].rule == THRESHOLD_GLOBAL ? ", global" : "", curve[k][0].level);
@@ -288,7 +286,8 @@ static void study_one(const char *folder, const study_case *c, FILE *csv, FILE *
         study_curve(c, usual, THRESHOLD_COLUMN, l, curve[curves++]);
     study_csv(csv, c, curve[0], curves * STUDY_EPSILONS);
     fprintf(page, "<h2>%s</h2>\n", c->name);
-    chart(folder, c, "compression", false, (const study_point(*)[STUDY_EPSILONS])curve, curves, page);
+    chart(folder, c, "compression", false, (const study_point(*)[STUDY_EPSILONS])curve, curves,
+          page);
     chart(folder, c, "epsilon", true, (const study_point(*)[STUDY_EPSILONS])curve, curves, page);
     for (size_t k = 0; k < curves; k++) {
         printf("%-12s %-17s %-6s level %" PRIu32 "  epsilon .05: compression %6.1f, RMS %.4f, MAX "
@@ -309,8 +308,8 @@ int command_study(int argc, char **argv) {
     fprintf(page.file, "<!doctype html><meta charset='utf-8'><title>palp study</title>"
                        "<body style='font-family:sans-serif;max-width:700px;margin:auto'>\n");
     for (int i = 0; i < s.inputs; i++) {
-        study_case c = ends_in(s.input[i], ".palp") ? case_of_blob(s.input[i])
-                                                    : case_of_mesh(&s, s.input[i]);
+        study_case c =
+            ends_in(s.input[i], ".palp") ? case_of_blob(s.input[i]) : case_of_mesh(&s, s.input[i]);
         c.g.fixed = c.fixed;
         name_case(&c, s.input[i]);
         study_one(s.folder, &c, csv.file, page.file);
