@@ -23,7 +23,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all demo test check bench deps install clean help format size
+.PHONY: all demo test check bench reproduce deps install clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -75,25 +75,29 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ -lm -o $@
 
-CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/freestanding.sh
+CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
 $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
-	@$(CC) -pthread $^ -lm -o $@
+	@$(CC) -pthread $^ -ldl -lm -o $@
 bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
 
+reproduce: all ## the paper's tables and figures from our own models: build/reproduce/index.html (about six minutes)
+	$(BUILD)/palp reproduce blobs/bean.model blobs/large.model -o $(BUILD)/reproduce
+
 # ---- everything else ----
 
 PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
-            libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck
+            libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
+            libopenblas0-pthread
 deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := tests/check/sanitize.sh tests/check/same-bits.sh tests/check/browser.sh tests/check/direct.sh tests/check/vm.sh
+CHECKS := tests/check/sanitize.sh tests/check/same-bits.sh tests/check/browser.sh tests/check/direct.sh tests/check/vm.sh tests/check/reproduce.sh
 check: all $(UNIT_BIN) ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
 

@@ -31,20 +31,21 @@ static palp_vec3 centroid(const palp_blob *b, bool fixed) {
     return palp_scale(1.0f / count, sum);
 }
 
-/* 1 / (n^T G_ii n) of every free node, N/m; 0 at fixed ones. */
+/* 1 / (n^T G_ii n) of every node of the constraint level, N/m; 0 at others. */
 static float *node_stiffness(const palp_blob *b) {
     uint32_t slots = b->domain[PALP_FREE].slots;
     palp_row_scratch scratch = {allocate(slots, sizeof(float)),
                                 allocate((slots + 31) / 32, sizeof(uint32_t))};
-    palp_row row = {.index = allocate(b->meta->max_row, sizeof(uint16_t)),
-                    .weight = allocate(b->meta->max_row, sizeof(float))};
+    palp_row row = {.index = allocate(slots, sizeof(uint16_t)),
+                    .weight = allocate(slots, sizeof(float))};
+    uint32_t level = b->meta->constraint_level;
     float *stiffness = allocate(b->meta->nodes, sizeof *stiffness);
-    for (uint32_t s = 0; s < slots; s++) {
+    for (uint32_t s = 0; s < b->level[level].nodes; s++) {
         uint32_t node = b->domain[PALP_FREE].node[s];
         palp_vec3 n = normal(b, node);
         float g[9];
-        (void)palp_wavelet_row(&b->domain[PALP_FREE], s, &scratch, &row, b->meta->max_row);
-        palp_columns_extract(&b->columns[PALP_FREE][PALP_FREE], s, &row, g);
+        (void)palp_basis_row(b, (palp_basis){level, s}, &scratch, &row, slots);
+        palp_columns_extract(&b->level[level].columns, s, &row, g);
         palp_vec3 u = {palp_dot(palp_vec3_at(g), n), palp_dot(palp_vec3_at(g + 3), n),
                        palp_dot(palp_vec3_at(g + 6), n)};
         stiffness[node] = 1.0f / palp_dot(n, u);
@@ -66,9 +67,9 @@ static uint32_t choose_node(const palp_blob *b, float radius) {
     float best_score = 0, mean = 0;
     float *stiffness = node_stiffness(b);
     for (uint32_t i = 0; i < b->meta->nodes; i++)
-        mean += stiffness[i] / (float)b->domain[PALP_FREE].slots;
+        mean += stiffness[i] / (float)b->level[b->meta->constraint_level].nodes;
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
-        if (palp_node_is_fixed(b, i)) continue;
+        if (!(stiffness[i] > 0)) continue;
         float height = palp_dot(palp_sub(rest(b, i), from), up);
         float score = height * fmaxf(flatness(b, i, radius) - 0.5f, 1e-3f) *
                       (1.2f + palp_dot(normal(b, i), up)) * fminf(stiffness[i] / mean, 1.0f);
@@ -96,7 +97,8 @@ touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_
     float workspace = 2 * device->workspace_radius_m;
     float size = palp_norm(diagonal);
     float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
-    float radius = fmaxf(device->tool_radius_m * scale, 1.5f * m->mean_edge_m);
+    float edge = ldexpf(m->mean_edge_m, (int)m->levels - 1 - (int)m->constraint_level);
+    float radius = fmaxf(device->tool_radius_m * scale, 1.5f * edge);
     if (node == UINT32_MAX) node = choose_node(blob, 2 * radius);
     touch_frame t = {.tool_radius_m = radius, .node = node};
     palp_vec3 n = normal(blob, node);

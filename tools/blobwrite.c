@@ -97,7 +97,7 @@ static void add_columns(section_list *l, uint32_t type, uint32_t step, const col
     add(l, type, c->offset, c->view.columns + 1u, 4);
     add(l, type + step, c->index, groups, PALP_LANES * 2);
     add(l, type + 2 * step, c->half != NULL ? (void *)c->half : (void *)c->value, groups,
-        PALP_GROUP_VALUES * width);
+        c->view.entries * PALP_LANES * width);
     add(l, type + 3 * step, c->scale, c->view.columns, 4);
 }
 

@@ -32,6 +32,7 @@ typedef struct {
     const domains *d;
     const double *area;
     const build_options *o;
+    compress_options compress;
     uint32_t level; /* constraint level */
     size_t *first;  /* of each free column, gravity last */
     size_t *fixed_first;
@@ -72,10 +73,10 @@ static void compress_blocks(builder *b) {
     for (uint32_t r = 0; r < PALP_DOMAINS; r++) {
         if (r == PALP_FIXED && !g->reactions) continue;
         const double *area = r == PALP_FIXED ? b->area : NULL;
-        b->columns[r][PALP_FREE] = columns_build(&loads, &b->d->domain[r], area, b->o->compress);
+        b->columns[r][PALP_FREE] = columns_build(&loads, &b->d->domain[r], area, b->compress);
         b->content.columns[r][PALP_FREE] = &b->columns[r][PALP_FREE];
         if (!g->reactions || g->basis_count > 0) continue;
-        b->columns[r][PALP_FIXED] = columns_build(&held, &b->d->domain[r], area, b->o->compress);
+        b->columns[r][PALP_FIXED] = columns_build(&held, &b->d->domain[r], area, b->compress);
         b->content.columns[r][PALP_FIXED] = &b->columns[r][PALP_FIXED];
     }
 }
@@ -157,7 +158,7 @@ static void make_table(builder *b, uint32_t level, const double *x) {
 }
 
 static void build_levels(builder *b) {
-    double room = b->o->raw ? 0 : b->o->table_bytes;
+    double room = b->o->raw || b->g->scalar ? 0 : b->o->table_bytes;
     for (uint32_t l = 0; l <= b->level; l++) {
         bool fits = table_size(b, l) <= room;
         room = fits ? room - table_size(b, l) : 0;
@@ -170,7 +171,7 @@ static void build_levels(builder *b) {
             for (size_t j = 0; j < n; j++) first[j] = 3 * j;
             gf_source source = {
                 .m = x, .width = 3 * (size_t)n, .first = first, .columns = n, .counted = n};
-            b->coarse[l] = columns_build(&source, &b->d->domain[PALP_FREE], NULL, b->o->compress);
+            b->coarse[l] = columns_build(&source, &b->d->domain[PALP_FREE], NULL, b->compress);
             b->content.coarse[l] = &b->coarse[l];
             free(first);
         }
@@ -227,6 +228,8 @@ static palp_blob reopen(builder *b, built *out) {
 built blob_build(const mesh *m, const greens *g, const domains *d, const double *area,
                  double (*normal)[3], palp_meta meta, const build_options *options) {
     builder b = {.g = g, .d = d, .area = area, .o = options, .level = options->constraint_level};
+    b.compress = options->compress;
+    b.compress.scalar = g->scalar;
     b.content = (blob_content){
         .m = m, .fixed = g->fixed, .area = area, .normal = normal, .h = &d->h, .meta = meta};
     for (uint32_t k = 0; k < PALP_DOMAINS; k++) b.content.domain[k] = &d->domain[k];
@@ -237,13 +240,13 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     compress_blocks(&b);
     build_levels(&b);
     const columns_data *main_block = &b.columns[PALP_FREE][PALP_FREE];
-    out_meta->flags = (options->wavelet.lifted ? PALP_META_LIFTED : 0) |
-                      (options->raw ? 0 : PALP_META_SYMMETRIC) |
-                      (g->gravity ? PALP_META_GRAVITY : 0) |
-                      (options->compress.half ? PALP_META_HALF : 0) |
-                      (options->wavelet.kind == WAVELET_BUTTERFLY ? PALP_META_BUTTERFLY : 0) |
-                      (g->reactions ? PALP_META_REACTIONS : 0) |
-                      (g->reactions && g->basis_count == 0 ? PALP_META_FIXED_COLUMNS : 0);
+    out_meta->flags =
+        (options->wavelet.lifted ? PALP_META_LIFTED : 0) |
+        (options->raw ? 0 : PALP_META_SYMMETRIC) | (g->gravity ? PALP_META_GRAVITY : 0) |
+        (options->compress.half ? PALP_META_HALF : 0) |
+        (options->wavelet.kind == WAVELET_BUTTERFLY ? PALP_META_BUTTERFLY : 0) |
+        (g->scalar ? PALP_META_SCALAR : 0) | (g->reactions ? PALP_META_REACTIONS : 0) |
+        (g->reactions && g->basis_count == 0 ? PALP_META_FIXED_COLUMNS : 0);
     out_meta->constraint_level = b.level;
     out_meta->free_blocks = main_block->blocks;
     out_meta->max_groups = main_block->max_groups;
@@ -259,7 +262,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     float *softening = NULL;
     palp_blob blob = reopen(&b, &out);
     b.content.max_row = longest_row(&blob);
-    if (!options->raw && b.table[b.level] == NULL) {
+    if (!options->raw && !g->scalar && b.table[b.level] == NULL) {
         softening = allocate(m->vertices, sizeof *softening);
         out.softened = soften(&blob, softening).largest;
         b.content.softening = softening;

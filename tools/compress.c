@@ -152,11 +152,12 @@ static void compress_column(void *context, size_t j) {
 
 /* Lane by lane into groups; the last group repeats the last row with zero blocks. */
 static void pack_column(columns_data *d, uint32_t j, const stored_column *s, bool half) {
+    size_t entries = d->view.entries;
     for (uint32_t i = 0; i < palp_columns_blocks(&d->view, j); i++) {
         size_t at = (size_t)d->offset[j] * PALP_LANES + i;
         d->index[at] = s->index[i < s->count ? i : s->count - 1];
-        for (uint32_t e = 0; e < 9; e++) {
-            size_t to = at / PALP_LANES * PALP_GROUP_VALUES + e * PALP_LANES + at % PALP_LANES;
+        for (size_t e = 0; e < entries; e++) {
+            size_t to = (at / PALP_LANES * entries + e) * PALP_LANES + at % PALP_LANES;
             float v = i < s->count ? s->block[i][e] : 0.0f;
             if (half) d->half[to] = to_half(v);
             if (!half) d->value[to] = v;
@@ -178,8 +179,9 @@ static void pack_columns(columns_data *d, compression *c, bool half) {
     uint32_t n = d->view.columns;
     size_t groups = d->offset[n];
     d->index = allocate(groups * PALP_LANES, sizeof *d->index);
-    if (half) d->half = allocate(groups * PALP_GROUP_VALUES, sizeof *d->half);
-    if (!half) d->value = allocate(groups * PALP_GROUP_VALUES, sizeof *d->value);
+    size_t values = groups * d->view.entries * PALP_LANES;
+    if (half) d->half = allocate(values, sizeof *d->half);
+    if (!half) d->value = allocate(values, sizeof *d->value);
     d->view.offset = d->offset;
     d->view.index = d->index;
     d->view.value = d->value;
@@ -196,6 +198,7 @@ columns_data columns_build(const gf_source *source, const domain_data *row, cons
                            compress_options options) {
     uint32_t n = source->columns;
     columns_data d = {.view.columns = n, .view.rows = row->view.slots};
+    d.view.entries = options.scalar ? 1 : 9;
     compression c = {.source = source,
                      .row = row,
                      .area = area,

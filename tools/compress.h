@@ -30,6 +30,7 @@ typedef struct {
     threshold_rule rule;
     bool half;
     bool measure_only; /* errors and counts, no stored columns */
+    bool scalar;       /* store the first entry of each block only */
 } compress_options;
 
 typedef struct {

@@ -344,14 +344,20 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
     size_t size = wide ? 8 : 4;
     uint32_t free_nodes = 0;
     for (uint32_t i = 0; i < m->vertices; i++) free_nodes += fixed[i] == 0;
-    bool full = rows == 3 * (size_t)m->vertices;
-    if (!full && rows != 3 * (size_t)free_nodes) {
-        die(EXIT_WORK, "%s: %zu rows; need %zu (free nodes) or %zu (all nodes)", path, rows,
-            3 * (size_t)free_nodes, 3 * (size_t)m->vertices);
+    bool scalar = rows == m->vertices || rows == free_nodes;
+    size_t axes = scalar ? 1 : 3;
+    bool full = rows == axes * (size_t)m->vertices;
+    if (!full && rows != axes * (size_t)free_nodes) {
+        die(EXIT_WORK,
+            "%s: %zu rows; need %zu (free nodes) or %zu (all nodes), or a third of that for a "
+            "scalar "
+            "problem",
+            path, rows, 3 * (size_t)free_nodes, 3 * (size_t)m->vertices);
     }
     if (bytes - start != rows * rows * size)
         die(EXIT_WORK, "%s: not a square matrix of %zu rows", path, rows);
-    greens g = {.nodes = m->vertices, .width = 3 * (size_t)m->vertices, .fixed = fixed};
+    greens g = {
+        .nodes = m->vertices, .width = 3 * (size_t)m->vertices, .fixed = fixed, .scalar = scalar};
     g.m = allocate_aligned(g.width * g.width, sizeof *g.m);
     for (size_t i = 0, r = 0; i < m->vertices; i++) {
         if (fixed[i] != 0) continue;
@@ -359,8 +365,8 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
         for (size_t j = 0, c = 0; j < m->vertices; j++) {
             if (fixed[j] != 0) continue;
             size_t column = full ? j : c++;
-            for (size_t k = 0; k < 9; k++) {
-                size_t a = 3 * row + k / 3, b = 3 * column + k % 3;
+            for (size_t k = 0; k < axes * axes; k++) {
+                size_t a = axes * row + k / axes, b = axes * column + k % axes;
                 const char *at = data + start + size * (fortran ? b * rows + a : a * rows + b);
                 float narrow;
                 double value;
@@ -368,7 +374,8 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
                 value = wide ? value : (double)narrow;
                 if (!isfinite(value))
                     die(EXIT_WORK, "%s: entry (%zu, %zu) is not finite", path, a, b);
-                greens_row(&g, i, k / 3)[3 * j + k % 3] = value;
+                for (size_t d = 0; d < (scalar ? 3u : 1u); d++)
+                    greens_row(&g, i, k / axes + d)[3 * j + k % axes + d] = value;
             }
         }
     }

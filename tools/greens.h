@@ -26,6 +26,7 @@ typedef struct {
      * `basis_count` slots of that level, there are none of fixed nodes. 0: columns are the nodes.
      */
     uint32_t basis_count;
+    bool scalar; /* one unknown per node, held as multiples of the identity */
     double reciprocity_residual, equilibrium_residual;
     definite_report definite;
 } greens;

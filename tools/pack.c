@@ -117,16 +117,16 @@ static void code_indices(coder *c, uint16_t *x, const uint32_t *offset, uint64_t
 }
 
 /* Quantised entries, their size foretold by that of the same entry of the block before. */
-static void code_values(coder *c, uint8_t *data, bool half, const uint32_t *offset,
-                        uint64_t columns, double delta) {
+static void code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
+                        const uint32_t *offset, uint64_t columns, double delta) {
     number_model(*m)[NUMBER_LENGTHS] = allocate(9, sizeof *m);
     for (size_t i = 0; i < 9 * NUMBER_LENGTHS; i++)
         number_model_init(&m[i / NUMBER_LENGTHS][i % NUMBER_LENGTHS]);
     float *wide = (float *)(void *)data;
     uint16_t *narrow = (uint16_t *)(void *)data;
     for (uint64_t j = 0; j < columns; j++) {
-        uint64_t first = (uint64_t)offset[j] * PALP_GROUP_VALUES;
-        uint64_t end = (uint64_t)offset[j + 1] * PALP_GROUP_VALUES;
+        uint64_t group = (uint64_t)entries * PALP_LANES;
+        uint64_t first = offset[j] * group, end = offset[j + 1] * group;
         union {
             float f;
             uint32_t u;
@@ -141,9 +141,9 @@ static void code_values(coder *c, uint8_t *data, bool half, const uint32_t *offs
         }
         double step = delta * (double)largest.f;
         uint32_t length[9] = {0};
-        for (uint64_t g = first; g < end; g += PALP_GROUP_VALUES) {
+        for (uint64_t g = first; g < end; g += group) {
             for (uint64_t lane = 0; lane < PALP_LANES; lane++) {
-                for (uint64_t e = 0; e < 9; e++) {
+                for (uint64_t e = 0; e < entries; e++) {
                     uint64_t k = g + e * PALP_LANES + lane;
                     int32_t q = 0;
                     if (!c->reading && step > 0)
@@ -175,16 +175,17 @@ static bool code_section(coder *c, sections *s, uint32_t i, double delta) {
     }
     const palp_blob_entry *columns = offsets_of(s, e->type, &offset);
     if (columns == NULL) return false;
-    uint32_t width = kind == INDICES ? 2 * PALP_LANES : e->element_bytes;
-    bool half = width == 2 * PALP_GROUP_VALUES;
-    bool sound = offset[columns->count - 1] == e->count && width == e->element_bytes &&
-                 (kind == INDICES || half || width == 4 * PALP_GROUP_VALUES);
+    uint32_t width = e->element_bytes / PALP_LANES; /* 2, 4: one entry; 18, 36: nine */
+    bool half = width == 2 || width == 18;
+    bool known = kind == INDICES ? width == 2 : half || width == 4 || width == 36;
+    bool sound =
+        offset[columns->count - 1] == e->count && known && e->element_bytes == width * PALP_LANES;
     for (uint64_t j = 0; j + 1 < columns->count && sound; j++) sound = offset[j] <= offset[j + 1];
     if (!sound) return false;
     if (kind == INDICES) {
         code_indices(c, (uint16_t *)(void *)s->data[i], offset, columns->count - 1);
     } else {
-        code_values(c, s->data[i], half, offset, columns->count - 1, delta);
+        code_values(c, s->data[i], half, width > 4 ? 9 : 1, offset, columns->count - 1, delta);
     }
     return true;
 }
@@ -427,7 +428,8 @@ int command_unpack(int argc, char **argv) {
     if (status != PALP_OK) refuse(s.input, palp_status_text(status));
     int softening = find_section(&parts, PALP_SEC_SOFTENING);
     bool extracts = b.level[b.meta->constraint_level].table == NULL;
-    if (palp_blob_has(&b, PALP_META_SYMMETRIC) && extracts) {
+    bool touched = !palp_blob_has(&b, PALP_META_SCALAR);
+    if (palp_blob_has(&b, PALP_META_SYMMETRIC) && extracts && touched) {
         (void)soften(&b, (float *)(void *)parts.data[softening]);
         free(blob);
         blob = assemble(&parts, &bytes);

@@ -1,19 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 /* The tables and figures of the multiresolution paper from our own models, beside its own figures.
  */
-#include "baseline.h"
 #include "body.h"
 #include "commands.h"
-#include "core/green/cma.h"
+#include "core/green/hierarchy.h"
 #include "parallel.h"
-#include "study.h"
+#include "reproduce.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define CASES 3 /* L = 2, 3, 4 */
-#define LARGE_LEVEL 1
 
 static const char help[] =
     "usage: palp reproduce SMALL.model LARGE.model [-o DIR]\n"
@@ -30,15 +26,6 @@ typedef struct {
     const char *model[2], *folder;
     int models;
 } reproduce_spec;
-
-typedef struct {
-    const char *folder;
-    FILE *page;
-    study_case small[CASES], large;
-    palp_blob blob[CASES]; /* lifted linear, epsilon 0.05 */
-    uint8_t *bytes[CASES];
-    uint32_t loops[CASES];
-} work;
 
 static void set_option(void *context, const argument *a) {
     reproduce_spec *s = context;
@@ -82,7 +69,7 @@ static study_case bake_case(const char *path, uint32_t fewer, bool coarse) {
     return c;
 }
 
-static built build_case(const study_case *c, double epsilon) {
+built build_case(const study_case *c, double epsilon) {
     const wavelet w = {WAVELET_LINEAR, true};
     domains d = domains_build(&c->m, c->fixed, c->area, w);
     double(*normal)[3] = allocate(c->m.vertices, sizeof *normal);
@@ -100,7 +87,7 @@ static built build_case(const study_case *c, double epsilon) {
     return b;
 }
 
-static uint32_t free_nodes(const study_case *c) {
+uint32_t free_nodes(const study_case *c) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < c->m.vertices; i++) n += c->fixed[i] == 0;
     return n;
@@ -108,24 +95,20 @@ static uint32_t free_nodes(const study_case *c) {
 
 /* ---- page ---- */
 
-static output begin_csv(const work *w, const char *name, const char *header) {
+output begin_csv(const work *w, const char *name, const char *header) {
     output out = study_file(w->folder, name);
     fprintf(out.file, "%s\n", header);
     return out;
 }
 
-static void begin_figure(const work *w, const char *title, const char *paper) {
+void begin_figure(const work *w, const char *title, const char *paper) {
     fprintf(w->page, "<h2>%s</h2>\n<p class='paper'>The paper: %s</p>\n", title, paper);
     printf("%s\n", title);
     fflush(stdout);
 }
 
-typedef enum { BY_COMPRESSION, BY_EPSILON } abscissa;
-typedef enum { RMS_ERROR, MAX_ERROR } ordinate;
-
-/* One chart of curves; labels are made by the caller. */
-static void add_chart(const work *w, const char *name, const char *title, abscissa a, ordinate o,
-                      const study_point *curve[], const char *const *label, size_t curves) {
+void add_chart(const work *w, const char *name, const char *title, abscissa a, ordinate o,
+               const study_point *curve[], const char *const *label, size_t curves) {
     plot_series series[12] = {{{0}, 0, NULL, NULL, false, false}};
     double x[12][STUDY_EPSILONS], y[12][STUDY_EPSILONS];
     for (size_t k = 0; k < curves; k++) {
@@ -150,8 +133,8 @@ static void add_chart(const work *w, const char *name, const char *title, abscis
     plot_svg(w->page, &p);
 }
 
-static void save_curves(const work *w, const char *name, const study_case *c,
-                        const study_point *curve[], size_t curves) {
+void save_curves(const work *w, const char *name, const study_case *c, const study_point *curve[],
+                 size_t curves) {
     output csv = study_file(w->folder, name);
     study_csv_header(csv.file);
     for (size_t k = 0; k < curves; k++) study_csv(csv.file, c, curve[k], STUDY_EPSILONS);
@@ -540,195 +523,6 @@ static void hierarchical(work *w, const study_case *c, const char *number, const
     add_chart(w, name, "RMS error", BY_EPSILON, RMS_ERROR, curve, label, n);
 }
 
-/* ---- beyond the paper ---- */
-
-static void compare_baselines(work *w, const study_point *wavelets) {
-    const study_case *c = &w->small[CASES - 1];
-    size_t n = free_nodes(c), k = 0;
-    baseline_matrix m = {.n = n};
-    double *g = allocate_aligned(9 * n * n, sizeof *g), (*x)[3] = allocate(n, sizeof *x);
-    uint32_t *node = allocate(n, sizeof *node);
-    for (uint32_t i = 0; i < c->m.vertices; i++) {
-        if (c->fixed[i] != 0) continue;
-        memcpy(x[k], c->m.x[i], sizeof *x);
-        node[k++] = i;
-    }
-    for (size_t i = 0; i < 3 * n; i++) {
-        for (size_t j = 0; j < 3 * n; j++)
-            g[i * 3 * n + j] = greens_row(&c->g, node[i / 3], i % 3)[3 * node[j / 3] + j % 3];
-    }
-    m.g = g;
-    m.x = (const double(*)[3])x;
-    output csv = begin_csv(w, "compressions.csv", "method,rms,compression,work,work_of_40_columns");
-    begin_figure(
-        w, "Do wavelets pay? Other compressions at equal RMS error, L = 4",
-        "no such comparison. Work is in multiply-adds of a product over those of the dense "
-        "one, index bytes count as storage.");
-    fprintf(w->page, "<table><tr><th>RMS<th>lifted linear<th>truncated dense<th>half "
-                     "dense<th>block low rank, clusters of 64<th>of 32<th>wavelet / best "
-                     "other</tr>\n");
-    baseline_result half = baseline_half(&m);
-    fprintf(csv.file, "half,%.4g,%.4g,1,1\n", half.rms, half.compression);
-    for (size_t e = 1; e < STUDY_EPSILONS; e += 2) {
-        double rms = wavelets[e].rms;
-        double ours = wavelets[e].compression * 36 / 38; /* with its index */
-        baseline_result t = baseline_truncated(&m, rms);
-        baseline_result l64 = baseline_low_rank(&m, 64, rms), l32 = baseline_low_rank(&m, 32, rms);
-        double best =
-            fmax(fmax(t.compression, half.compression), fmax(l64.compression, l32.compression));
-        fprintf(csv.file, "wavelet,%.4g,%.4g,%.4g,%.4g\n", rms, ours, 1 / wavelets[e].compression,
-                1 / wavelets[e].compression);
-        fprintf(csv.file, "truncated,%.4g,%.4g,%.4g,%.4g\n", t.rms, t.compression, t.work,
-                t.work_patch);
-        fprintf(csv.file, "low-rank-64,%.4g,%.4g,%.4g,%.4g\n", l64.rms, l64.compression, l64.work,
-                l64.work_patch);
-        fprintf(csv.file, "low-rank-32,%.4g,%.4g,%.4g,%.4g\n", l32.rms, l32.compression, l32.work,
-                l32.work_patch);
-        fprintf(w->page,
-                "<tr><td>%.4f<td>%.1f<td>%.1f<td>%.1f (RMS %.0e)<td>%.1f<td>%.1f<td>%.1f</tr>\n",
-                rms, ours, t.compression, half.compression, half.rms, l64.compression,
-                l32.compression, ours / best);
-        printf("  RMS %.4f: wavelets %6.1f, truncated %5.1f, half %.1f, low rank %5.1f (64) %5.1f "
-               "(32)\n",
-               rms, ours, t.compression, half.compression, l64.compression, l32.compression);
-    }
-    fprintf(w->page, "</table>\n");
-    commit_output(&csv);
-    free(g);
-    free(x);
-    free(node);
-}
-
-typedef struct {
-    uint32_t node;
-    double distance;
-} near_node;
-
-static int nearer(const void *a, const void *b) {
-    const near_node *p = a, *q = b;
-    return (p->distance > q->distance) - (p->distance < q->distance);
-}
-
-/* Total force of a flat push of the `count` nodes nearest to `center` on one level. */
-static bool patch_force(palp_cma *cma, const near_node *list, uint32_t count, palp_vec3 push,
-                        uint32_t level, palp_pairing pairing, float *u, float *f,
-                        palp_vec3 *total) {
-    palp_cma_clear(cma);
-    (void)palp_cma_level(cma, level, pairing);
-    for (uint32_t i = 0; i < count; i++) {
-        if (palp_cma_give(cma, list[i].node, PALP_GIVE_DISPLACEMENT, push) != PALP_OK) return false;
-    }
-    if (palp_cma_solve(cma, u, f) != PALP_OK) return false;
-    *total = (palp_vec3){0};
-    for (uint32_t i = 0; i < cma->blob->meta->nodes; i++) {
-        if (!palp_node_is_fixed(cma->blob, i)) *total = palp_add(*total, palp_vec3_at(f + 3 * i));
-    }
-    return true;
-}
-
-typedef struct {
-    double sum[2], largest[2], unknowns;
-    uint32_t patches;
-} patch_error;
-
-/* Over patches about every `step`-th node of the two coarsest levels, on all levels. */
-static void patch_errors(const palp_blob *b, uint32_t count, patch_error error[PALP_MAX_LEVELS]) {
-    palp_cma cma;
-    uint32_t n = b->meta->nodes, finest = b->meta->constraint_level;
-    size_t bytes = palp_cma_memsize(b, 3 * count);
-    void *memory = allocate_aligned(bytes, 1);
-    if (palp_cma_init(&cma, b, 3 * count, memory, bytes) != PALP_OK) die(EXIT_WORK, "solver");
-    float *u = allocate(3 * (size_t)n, sizeof *u), *f = allocate(3 * (size_t)n, sizeof *f);
-    near_node *list = allocate(n, sizeof *list);
-    for (uint32_t k = 0; k < b->level[1].nodes; k++) {
-        uint32_t center = b->domain[PALP_FREE].node[k];
-        palp_vec3 x = palp_vec3_at(b->rest_m + 3 * center);
-        palp_vec3 push =
-            palp_scale(-0.02f * b->meta->mean_edge_m, palp_vec3_at(b->normal + 3 * center));
-        for (uint32_t i = 0; i < n; i++) {
-            palp_vec3 off = palp_sub(palp_vec3_at(b->rest_m + 3 * i), x);
-            list[i] = (near_node){i, (double)palp_dot(off, off)};
-        }
-        qsort(list, n, sizeof *list, nearer);
-        bool usable = true;
-        for (uint32_t i = 0; i < count; i++)
-            usable = usable && !palp_node_is_fixed(b, list[i].node);
-        palp_vec3 exact;
-        if (!usable || !patch_force(&cma, list, count, push, finest, PALP_ENERGETIC, u, f, &exact))
-            continue;
-        for (uint32_t l = 0; l < finest; l++) {
-            double off[2];
-            bool sound = true;
-            uint32_t hats = 0;
-            for (uint32_t i = 0; i < count; i++)
-                hats += palp_node_slot(b, list[i].node) < b->level[l].nodes;
-            for (int p = 0; p < 2 && sound; p++) {
-                palp_vec3 got;
-                sound =
-                    hats > 0 && patch_force(&cma, list, count, push, l,
-                                            p == 0 ? PALP_ENERGETIC : PALP_COLLOCATED, u, f, &got);
-                if (sound) off[p] = (double)(palp_norm(palp_sub(got, exact)) / palp_norm(exact));
-            }
-            if (!sound) continue;
-            error[l].patches++;
-            error[l].unknowns += cma.count;
-            for (int p = 0; p < 2; p++) {
-                error[l].sum[p] += off[p];
-                error[l].largest[p] = fmax(error[l].largest[p], off[p]);
-            }
-        }
-    }
-    free(memory);
-    free(u);
-    free(f);
-    free(list);
-}
-
-static void compare_levels(work *w) {
-    static const uint32_t sizes[] = {40, 150};
-    built exact = build_case(&w->small[CASES - 1], 0.002);
-    palp_blob b;
-    if (palp_blob_open(&b, exact.bytes, exact.size) != PALP_OK) die(EXIT_WORK, "levels");
-    output csv = begin_csv(w, "levels.csv",
-                           "patch_nodes,levels_down,patches,unknowns,energetic_mean,energetic_max,"
-                           "collocated_mean,collocated_max,entries_ratio,factor_ratio");
-    begin_figure(
-        w, "Force of a flat push on coarser constraint levels, L = 4",
-        "no figures; its section 8 predicts 4 times fewer constraints, 16 times fewer "
-        "entries, 64 times less factorisation per level. Patches about every node of the two "
-        "coarsest levels; all components prescribed; epsilon .002.");
-    fprintf(w->page, "<table><tr><th>nodes<th>levels down<th>patches<th>unknowns<th>energetic, "
-                     "mean<th>max<th>collocated, mean<th>max<th>entries, times fewer<th>factor, "
-                     "times cheaper</tr>\n");
-    for (int s = 0; s < 2; s++) {
-        patch_error error[PALP_MAX_LEVELS] = {{{0}, {0}, 0, 0}};
-        patch_errors(&b, sizes[s], error);
-        for (uint32_t l = b.meta->constraint_level; l-- > 0;) {
-            const patch_error *e = &error[l];
-            if (e->patches == 0) continue;
-            double n = e->patches, ratio = 3.0 * sizes[s] / (e->unknowns / n);
-            uint32_t down = b.meta->constraint_level - l;
-            fprintf(csv.file, "%u,%u,%u,%.3g,%.4g,%.4g,%.4g,%.4g,%.4g,%.4g\n", sizes[s], down,
-                    e->patches, e->unknowns / n, e->sum[0] / n, e->largest[0], e->sum[1] / n,
-                    e->largest[1], ratio * ratio, ratio * ratio * ratio);
-            fprintf(w->page,
-                    "<tr><td>%u<td>%u<td>%u<td>%.1f<td>%.1f %%<td>%.1f %%<td>%.1f %%<td>%.1f "
-                    "%%<td>%.0f<td>%.0f</tr>\n",
-                    sizes[s], down, e->patches, e->unknowns / n, 100 * e->sum[0] / n,
-                    100 * e->largest[0], 100 * e->sum[1] / n, 100 * e->largest[1], ratio * ratio,
-                    ratio * ratio * ratio);
-            printf(
-                "  %3u nodes, %u down (%3u patches, %5.1f unknowns): energetic mean %4.1f %% max "
-                "%4.1f %%, collocated mean %4.1f %% max %4.1f %%\n",
-                sizes[s], down, e->patches, e->unknowns / n, 100 * e->sum[0] / n,
-                100 * e->largest[0], 100 * e->sum[1] / n, 100 * e->largest[1]);
-        }
-    }
-    fprintf(w->page, "</table>\n");
-    commit_output(&csv);
-    free(exact.bytes);
-}
-
 static void begin_page(FILE *f) {
     fprintf(f, "<!doctype html><html lang='en'><meta charset='utf-8'><title>Palp: the "
                "multiresolution paper, reproduced</title>\n<style>body{font-family:sans-serif;"
@@ -775,6 +569,7 @@ int command_reproduce(int argc, char **argv) {
                  "dragon, level 0 only: about 100 times at 5 % RMS", LARGE_LEVEL + 1);
     compare_baselines(&w, lifted);
     compare_levels(&w);
+    show_electrostatics(&w);
     commit_output(&page);
     printf("%s/index.html\n", s.folder);
     return EXIT_SUCCESS;

@@ -11,8 +11,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-const double study_epsilons[STUDY_EPSILONS] = {0.002, 0.005, 0.01, 0.02, 0.03,
-                                               0.05,  0.1,   0.2,  0.3,  0.5};
+const double study_epsilons[STUDY_EPSILONS] = {0.002, 0.005, 0.01, 0.02, 0.03, 0.05,
+                                               0.1,   0.2,   0.3,  0.5,  0.8};
 
 const char *wavelet_label(wavelet w) {
     if (w.kind == WAVELET_LINEAR) return w.lifted ? "linear lifted" : "linear";

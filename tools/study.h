@@ -25,7 +25,7 @@ typedef struct {
     double epsilon, blocks, compression, rms, max;
 } study_point;
 
-#define STUDY_EPSILONS 10u
+#define STUDY_EPSILONS 11u
 extern const double study_epsilons[STUDY_EPSILONS];
 
 /* One curve: STUDY_EPSILONS points of rising epsilon. */

@@ -292,12 +292,14 @@ static void read_columns(reader *r, const palp_meta *m, palp_columns *v, column_
     v->scale = floats(r, type.scale, v->columns, 1);
     if (r->status != PALP_OK) return;
     uint32_t groups = v->offset[v->columns];
+    v->entries = (m->flags & PALP_META_SCALAR) != 0u ? 1u : 9u;
+    uint32_t values = v->entries * PALP_LANES;
     v->index = section(r, type.index, groups, PALP_LANES * sizeof(uint16_t));
     if ((m->flags & PALP_META_HALF) != 0u) {
-        v->half = section(r, type.value, groups, PALP_GROUP_VALUES * sizeof(uint16_t));
-        if (v->half != NULL) check_half(r, v->half, (uint64_t)groups * PALP_GROUP_VALUES);
+        v->half = section(r, type.value, groups, values * sizeof(uint16_t));
+        if (v->half != NULL) check_half(r, v->half, (uint64_t)groups * values);
     } else {
-        v->value = floats(r, type.value, groups, PALP_GROUP_VALUES);
+        v->value = floats(r, type.value, groups, values);
     }
     for (uint32_t j = 0; j < v->columns && r->status == PALP_OK; j++) {
         for (uint32_t k = v->offset[j] * PALP_LANES; k < v->offset[j + 1] * PALP_LANES; k++) {

@@ -38,16 +38,16 @@ typedef struct {
 /*
  * One block of wavelet-transformed GF columns (MR 28-30): rows of one domain, columns of another.
  * Each column is a run of groups of PALP_LANES 3x3 blocks; entry e of the block in lane k of group
- * g is at value[(9 g + e) * PALP_LANES + k]. The last group is padded with zero blocks on its last
- * row.
+ * g is at value[(entries g + e) * PALP_LANES + k]. The last group is padded with zero blocks on its
+ * last row. Of a scalar problem (MR 1: any elliptic one) blocks are single entries, xx.
  */
 typedef struct {
-    uint32_t columns, rows;
-    const uint32_t *offset; /* [columns + 1], in groups */
-    const uint16_t *index;  /* [groups][PALP_LANES] */
-    const float *value;     /* f32 storage, else NULL */
-    const uint16_t *half;   /* f16 storage, else NULL */
-    const float *scale;     /* [columns] */
+    uint32_t columns, rows, entries; /* entries of a block: 9, or 1 */
+    const uint32_t *offset;          /* [columns + 1], in groups */
+    const uint16_t *index;           /* [groups][PALP_LANES] */
+    const float *value;              /* f32 storage, else NULL */
+    const uint16_t *half;            /* f16 storage, else NULL */
+    const float *scale;              /* [columns] */
 } palp_columns;
 
 /*

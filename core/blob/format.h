@@ -95,6 +95,9 @@ typedef enum {
 #define PALP_META_REACTIONS 16u /* rows of the fixed nodes are there: reactions are known */
 #define PALP_META_HALF 32u      /* IEEE half storage */
 #define PALP_META_BUTTERFLY 64u /* butterfly predictor: the domains have stencils */
+#define PALP_META_SCALAR                                                                           \
+    128u /* one unknown per node: blocks of one entry, groups of PALP_LANES                        \
+          */
 
 typedef struct {
     uint32_t nodes, triangles, levels, flags;

@@ -73,6 +73,7 @@ static void push(palp_cma *c, uint32_t node, palp_vec3 direction, float target) 
 
 static void push_all(palp_cma *c, uint32_t node, palp_vec3 target) {
     push(c, node, (palp_vec3){1.0f, 0.0f, 0.0f}, target.x);
+    if (palp_blob_has(c->blob, PALP_META_SCALAR)) return;
     push(c, node, (palp_vec3){0.0f, 1.0f, 0.0f}, target.y);
     push(c, node, (palp_vec3){0.0f, 0.0f, 1.0f}, target.z);
 }
@@ -147,6 +148,9 @@ palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition
     if (node >= cma->blob->meta->nodes || cma->state[node] != 0u) return PALP_ERR_ARGUMENT;
     bool fixed = palp_node_is_fixed(cma->blob, node);
     if (!fixed && condition == PALP_RELEASE) return PALP_ERR_ARGUMENT;
+    bool scalar = palp_blob_has(cma->blob, PALP_META_SCALAR);
+    if (scalar && (condition == PALP_GIVE_NORMAL || value.y * value.y + value.z * value.z > 0.0f))
+        return PALP_ERR_ARGUMENT;
     if (!palp_vec3_is_finite(value)) return PALP_ERR_NOT_FINITE;
     if (fixed && !palp_blob_has(cma->blob, PALP_META_FIXED_COLUMNS)) return PALP_ERR_ABSENT;
     if (cma->capacity - cma->count < unknowns_of(fixed, condition)) return PALP_ERR_CAPACITY;

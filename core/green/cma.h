@@ -87,8 +87,8 @@ void palp_cma_clear(palp_cma *cma);
 
 /*
  * Gives `node` a condition. Costs 3, 2, 1 or 0 unknowns. Errors: ARGUMENT (node out of range, given
- * twice, or RELEASE of a free node), NOT_FINITE, CAPACITY, ABSENT (a fixed node in a blob without
- * its column). On error nothing changes.
+ * twice, RELEASE of a free node, or in a scalar blob anything but x), NOT_FINITE, CAPACITY, ABSENT
+ * (a fixed node in a blob without its column). On error nothing changes.
  */
 palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value);
 

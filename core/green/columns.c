@@ -70,11 +70,23 @@ static void multiply_group(const float *restrict a, const float v[3], float *res
 }
 #endif
 
+/* The same for blocks of one entry. */
+static void add_scalar(const palp_columns *c, uint32_t j, float v, float *details) {
+    for (uint32_t at = c->offset[j] * PALP_LANES; at < c->offset[j + 1] * PALP_LANES; at++) {
+        float a = c->value != NULL ? c->value[at] : half_to_float(c->half[at]);
+        details[4u * c->index[at]] += a * v;
+    }
+}
+
 void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3], float *details) {
     float buffer[PALP_GROUP_VALUES];
     float product[4 * PALP_LANES];
     float scale = columns->scale[j];
     float scaled[3] = {scale * v[0], scale * v[1], scale * v[2]};
+    if (columns->entries == 1u) {
+        add_scalar(columns, j, scaled[0], details);
+        return;
+    }
     for (uint32_t g = columns->offset[j]; g < columns->offset[j + 1]; g++) {
         multiply_group(group_values(columns, g, buffer), scaled, product);
         const uint16_t *index = columns->index + (size_t)g * PALP_LANES;
@@ -86,7 +98,8 @@ void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3],
 }
 
 static float value_at(const palp_columns *c, uint32_t at, uint32_t entry) {
-    size_t k = (size_t)(at / PALP_LANES) * PALP_GROUP_VALUES + entry * PALP_LANES + at % PALP_LANES;
+    size_t group = (size_t)(at / PALP_LANES) * c->entries * PALP_LANES;
+    size_t k = group + entry * PALP_LANES + at % PALP_LANES;
     return c->value != NULL ? c->value[k] : half_to_float(c->half[k]);
 }
 
@@ -110,7 +123,8 @@ void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_ro
         at = skip_ahead(columns, first, end, at, slot);
         while (at < end && columns->index[at] < slot) at++;
         if (at == end || columns->index[at] != slot) continue;
-        for (uint32_t e = 0; e < 9; e++) sum[e] += row->weight[r] * value_at(columns, at, e);
+        for (uint32_t e = 0; e < columns->entries; e++)
+            sum[e] += row->weight[r] * value_at(columns, at, e);
     }
     for (uint32_t e = 0; e < 9; e++) block[e] = columns->scale[j] * sum[e];
 }

@@ -52,6 +52,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
     palp_arena arena = {.base = memory};
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (tool_count < 1u || tool_count > PALP_MAX_TOOLS) return PALP_ERR_ARGUMENT;
+    if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
     for (uint32_t t = 0; t < tool_count; t++) {
         if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
         if (tools[t].friction > 0.0f && !limits.friction) return PALP_ERR_ARGUMENT;

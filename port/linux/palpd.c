@@ -325,6 +325,8 @@ int main(int argc, char **argv) {
         (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch))) {
         die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s.touch);
     }
+    if (palp_blob_has(&blob, PALP_META_SCALAR))
+        die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s.blob);
     bus b = bus_open(&s, &file);
     session ses = {.spec = &s, .bus = &b, .device = &file.device};
     output log = {0}, page = {0}, view = {0};
