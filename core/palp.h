@@ -33,5 +33,6 @@
 #include "core/green/cma.h"
 #include "core/green/field.h"
 #include "core/servo/servo.h"
+#include "core/touch/point.h"
 
 #endif

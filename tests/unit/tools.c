@@ -279,6 +279,92 @@ static void test_two_tools(const baked *b) {
     free(one.memory);
 }
 
+/* ---- a point under a pressure mask ---- */
+
+static palp_vec3 touch_point(palp_point *p, palp_contact *c, palp_vec3 at, palp_grip grip,
+                             palp_vec3 from) {
+    palp_fresh fresh[PALP_MAX_CANDIDATES];
+    palp_vec3 center = palp_point_center(p, c, at);
+    uint32_t n = palp_contact_search(c, &center, fresh);
+    for (uint32_t k = 0; k < n; k++) palp_contact_admit(c, fresh[k]);
+    return palp_point_solve(p, c, from, grip);
+}
+
+static void test_point(const baked *b) {
+    const palp_contact_limits limits = {160, 1, 160, 1, false};
+    const float edge = b->blob.meta->mean_edge_m;
+    palp_tool mask = palp_tool_sphere(3 * edge);
+    palp_contact c;
+    static palp_point p;
+    size_t bytes = palp_contact_memsize(&b->blob, limits);
+    (void)palp_contact_init(&c, &b->blob, b->blob.rest_m, &mask, 1, limits,
+                            allocate_aligned(bytes, 1), bytes);
+    /* The force against differences of the energy. */
+    double worst = 0, largest = 0;
+    for (int i = 0; i < 60; i++) {
+        double a = 0.011 * i, z = 0.93;
+        palp_vec3 at = {(float)(z * sin(a)), (float)(0.2 * sin(3 * a)), (float)(z * cos(a))};
+        for (int warm = 0; warm < 3; warm++) (void)touch_point(&p, &c, at, (palp_grip){at, 0}, at);
+        palp_vec3 f = p.force_N;
+        const float h = 2e-3f;
+        for (int axis = 0; axis < 3; axis++) {
+            palp_vec3 e = {axis == 0 ? h : 0, axis == 1 ? h : 0, axis == 2 ? h : 0};
+            palp_vec3 up = palp_add(at, e), down = palp_sub(at, e);
+            (void)palp_point_solve(&p, &c, up, (palp_grip){up, 0});
+            double high = (double)palp_point_energy(&p);
+            (void)palp_point_solve(&p, &c, down, (palp_grip){down, 0});
+            double slope = (high - (double)palp_point_energy(&p)) / (2 * (double)h);
+            double got = axis == 0 ? (double)f.x : axis == 1 ? (double)f.y : (double)f.z;
+            worst = fmax(worst, fabs(-slope - got));
+        }
+        largest = fmax(largest, (double)palp_norm(f));
+    }
+    AT_MOST(worst / largest, 2e-3, "the force on a point is minus the gradient of its energy");
+    /* Round the ball on a spring, in and out: energy, and ripple at constant depth. */
+    double absorbed = 0, stored = 0;
+    palp_vec3 last_f = {0}, last_p = {0}, tool = {0};
+    const int steps = 6000;
+    for (int i = 0; i <= steps; i++) {
+        double a = 6.283185307179586 * i / steps, depth = 0.07 * (1 - cos(a)) / 2;
+        double x = 0.5 * sin(a), y = 0.35 * sin(2 * a);
+        palp_vec3 out = {(float)x, (float)y, (float)sqrt(1 - x * x - y * y)};
+        palp_vec3 device = palp_scale((float)(1.01 - depth), out);
+        if (i == 0) tool = device;
+        palp_vec3 f = touch_point(&p, &c, tool, (palp_grip){device, 3000}, tool);
+        tool = p.lambda_N > 0 ? p.tool_m : device;
+        if (i > 0)
+            absorbed -= 0.5 * (double)palp_dot(palp_add(f, last_f), palp_sub(device, last_p));
+        stored = fmax(stored, (double)(palp_point_energy(&p) + palp_dot(f, f) / 6000));
+        last_f = f;
+        last_p = device;
+    }
+    AT_MOST(fmax(-absorbed, 0) / stored, 1e-4,
+            "a point on a spring, round and in and out: energy given");
+    /* Ripple: what half an edge makes of the force beyond a straight line. */
+    static double force[2001];
+    for (int i = 0; i <= 2000; i++) {
+        double a = 0.0004 * (i - 1000);
+        palp_vec3 at = {(float)(0.948 * sin(a)), 0.05f, (float)(0.948 * cos(a))};
+        force[i] = (double)palp_norm(touch_point(&p, &c, at, (palp_grip){at, 0}, at));
+    }
+    int half = (int)(0.5 * (double)edge / (0.0004 * 0.948));
+    double ripple = 0;
+    for (int i = 100 + half; i + half <= 2000; i++) {
+        double bend = 0.5 * (force[i - half] + force[i + half]) - force[i];
+        ripple = fmax(ripple, fabs(bend) / force[i]);
+    }
+    AT_MOST(ripple, 0.02, "sliding over %d edges: ripple of the force within one",
+            2000 / (2 * half));
+    palp_vec3 shaded = palp_force_shade((palp_vec3){0.3f, 0, 2}, (palp_vec3){0, 0, 1},
+                                        (palp_vec3){0.6f, 0, 0.8f}, 0.5f);
+    AT_MOST(fabs((double)(shaded.x - 0.3f) / (double)shaded.z - 0.5), 1e-6,
+            "force shading turns the normal force towards the detail, as far as allowed");
+    AT_MOST(fabs(hypot((double)shaded.x - 0.3, (double)shaded.z) - 2), 1e-6, "and keeps its size");
+    palp_vec3 same =
+        palp_force_shade((palp_vec3){0.3f, 0, 2}, (palp_vec3){0, 0, 1}, (palp_vec3){0, 0, 1}, 0.5f);
+    AT_MOST((double)palp_norm(palp_sub(same, (palp_vec3){0.3f, 0, 2})), 0, "no detail, no shading");
+}
+
 int main(void) {
     progress_quiet(1);
     test_gradients();
@@ -288,5 +374,6 @@ int main(void) {
     baked ball = model_bake(model_sphere(3), -0.7, 0.05, false, false);
     test_loops(&ball);
     test_two_tools(&ball);
+    test_point(&ball);
     return tap_done();
 }
