@@ -35,6 +35,9 @@ static const char help[] =
     "  --wavelet linear|butterfly  --unlifted: without the lifting step\n"
     "  --constraint-level C    Green's functions of constraint levels 0 to C only: for large "
     "models\n"
+    "  --detail MESH           a finer mesh of the same body to show: a displaced subdivision "
+    "surface\n"
+    "  --detail-levels K       Loop steps of that surface, 1 to 3 (default 1)\n"
     "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
     "(default 8)\n"
     "  --storage f32|f16       how columns are stored (default f32)\n"
@@ -47,19 +50,20 @@ static const char help[] =
     "itself.\n";
 
 static const option options[] = {
-    BODY_OPTIONS,       {"-o", 1},
-    {"--wavelet", 1},   {"--unlifted", 0},
-    {"--epsilon", 1},   {"--threshold", 1},
-    {"--table-mb", 1},  {"--constraint-level", 1},
-    {"--storage", 1},   {"--reciprocity", 1},
-    {"--save-mesh", 1}, {NULL, 0},
+    BODY_OPTIONS,           {"-o", 1},
+    {"--wavelet", 1},       {"--unlifted", 0},
+    {"--epsilon", 1},       {"--threshold", 1},
+    {"--table-mb", 1},      {"--constraint-level", 1},
+    {"--storage", 1},       {"--reciprocity", 1},
+    {"--save-mesh", 1},     {"--detail", 1},
+    {"--detail-levels", 1}, {NULL, 0},
 };
 
 typedef struct {
     body_spec body;
-    const char *input, *output, *save_mesh;
+    const char *input, *output, *save_mesh, *detail;
     bool half, raw, level_chosen;
-    uint32_t constraint_level;
+    uint32_t constraint_level, detail_levels;
     double epsilon, table_mb;
     wavelet wavelet;
     threshold_rule rule;
@@ -90,6 +94,10 @@ static void set_option(void *context, const argument *a) {
         if (!(s->table_mb >= 0 && s->table_mb <= 4000)) {
             die(EXIT_USAGE, "%s: %s is out of range: need 0 to 4000", a->where, a->value[0]);
         }
+    } else if (strcmp(o, "--detail") == 0) {
+        s->detail = body_path(&s->body, a->value[0]);
+    } else if (strcmp(o, "--detail-levels") == 0) {
+        s->detail_levels = arg_u32(a, 0, 1, 3);
     } else if (strcmp(o, "--constraint-level") == 0) {
         s->constraint_level = arg_u32(a, 0, 0, PALP_MAX_LEVELS - 1);
         s->level_chosen = true;
@@ -111,6 +119,7 @@ static void set_option(void *context, const argument *a) {
 static bake_spec read_spec(int argc, char **argv) {
     const bake_spec defaults = {.body = body_defaults,
                                 .epsilon = 0.05,
+                                .detail_levels = 1,
                                 .table_mb = 8,
                                 .wavelet = {.kind = WAVELET_LINEAR, .lifted = true}};
     bake_spec s = defaults;
@@ -159,7 +168,7 @@ static double peak_memory(void) {
     return 1024.0 * (double)usage.ru_maxrss;
 }
 
-static void report(FILE *f, const built *b, double seconds) {
+static void report(FILE *f, const built *b, const detail_data *detail, double seconds) {
     const palp_meta *m = &b->meta;
     palp_blob blob;
     if (palp_blob_open(&blob, b->bytes, b->size) != PALP_OK) return;
@@ -184,7 +193,15 @@ static void report(FILE *f, const built *b, double seconds) {
         fprintf(f, " %" PRIu32 ": %" PRIu32 " nodes%s", l, blob.level[l].nodes,
                 blob.level[l].table != NULL ? " (table)" : "");
     }
-    fprintf(f, "\nblob                  %zu bytes\n", b->size);
+    fprintf(f, "\n");
+    if (detail->vertices > 0) {
+        fprintf(f,
+                "detail                %" PRIu32
+                " vertices, %.3g m from the finer mesh in the mean, "
+                "%.3g m at most\n",
+                detail->vertices, detail->mean, detail->largest);
+    }
+    fprintf(f, "blob                  %zu bytes\n", b->size);
     fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s), peak memory %.2f GB\n",
             seconds, thread_count(), peak_memory() * 1e-9);
 }
@@ -221,11 +238,18 @@ int command_bake(int argc, char **argv) {
                            .raw = s.raw};
     domains d = domains_build(&m, fixed, area, build.wavelet);
     build.constraint_level = choose_constraint_level(&s, &m, &d);
+    detail_data detail = {.vertices = 0};
+    if (s.detail != NULL) {
+        mesh fine = mesh_load(s.detail);
+        detail = detail_build(&m, s.detail_levels, &fine);
+        mesh_free(&fine);
+        build.detail = &detail;
+    }
     greens g = body_greens(&s.body, &m, fixed, &d, build.constraint_level, s.raw);
     built b = blob_build(&m, &g, &d, area, normal, describe(&s), &build);
     report_softening(&b, s.epsilon);
     if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
-    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, now_s() - start);
+    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);
     return EXIT_SUCCESS;
 }

@@ -120,6 +120,18 @@ static float *add_levels(section_list *l, const blob_content *c) {
     return area;
 }
 
+static void add_detail(section_list *l, const detail_data *d, uint32_t nodes) {
+    if (d == NULL) return;
+    uint32_t entries = d->offset[d->vertices];
+    add(l, PALP_SEC_DETAIL_OFFSET, d->offset, d->vertices + 1u, 4);
+    add(l, PALP_SEC_DETAIL_NODE, d->node, entries, 4);
+    add(l, PALP_SEC_DETAIL_WEIGHT, d->weight, entries, 4);
+    add(l, PALP_SEC_DETAIL_HEIGHT, d->height, d->vertices, 4);
+    add(l, PALP_SEC_DETAIL_TRIANGLE, d->t, d->triangles, 12);
+    add(l, PALP_SEC_DETAIL_NEAR, d->near, nodes + 1u, 4);
+    add(l, PALP_SEC_DETAIL_LIST, d->list, d->vertices, 4);
+}
+
 /* Insertion sort by type: the table must ascend. */
 static void sort_sections(section_list *l) {
     for (uint32_t i = 1; i < l->count; i++) {
@@ -210,6 +222,9 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     float *none = allocate(m->vertices, sizeof *none);
     add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
     float *level_area = add_levels(&l, c);
+    add_detail(&l, c->detail, m->vertices);
+    meta->detail_vertices = c->detail != NULL ? c->detail->vertices : 0;
+    meta->detail_triangles = c->detail != NULL ? c->detail->triangles : 0;
     add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);
     add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
     add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);

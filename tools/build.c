@@ -230,8 +230,13 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     builder b = {.g = g, .d = d, .area = area, .o = options, .level = options->constraint_level};
     b.compress = options->compress;
     b.compress.scalar = g->scalar;
-    b.content = (blob_content){
-        .m = m, .fixed = g->fixed, .area = area, .normal = normal, .h = &d->h, .meta = meta};
+    b.content = (blob_content){.m = m,
+                               .fixed = g->fixed,
+                               .area = area,
+                               .normal = normal,
+                               .h = &d->h,
+                               .detail = options->detail,
+                               .meta = meta};
     for (uint32_t k = 0; k < PALP_DOMAINS; k++) b.content.domain[k] = &d->domain[k];
     palp_meta *out_meta = &b.content.meta;
     out_meta->reciprocity_residual = (float)g->reciprocity_residual;

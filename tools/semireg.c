@@ -235,32 +235,48 @@ static uint32_t opposite(const uint32_t t[3], uint32_t a, uint32_t b) {
     return a;
 }
 
-mesh subdivide_loop(const mesh *m) {
+void loop_rules(const mesh *m, loop_taker take, void *context) {
     uint32_t count, *offset, *ring;
     mesh_edge *edges;
     mesh r = split(m, &edges, &count);
+    mesh_free(&r);
     for (uint32_t i = 0; i < count; i++) {
         const mesh_edge *e = &edges[i];
-        const double *c = m->x[opposite(m->t[e->triangle[0]], e->a, e->b)];
-        const double *d = m->x[opposite(m->t[e->triangle[1]], e->a, e->b)];
-        for (int k = 0; k < 3; k++) {
-            r.x[m->vertices + i][k] =
-                0.375 * (m->x[e->a][k] + m->x[e->b][k]) + 0.125 * (c[k] + d[k]);
-        }
+        uint32_t vertex = m->vertices + i;
+        take(context, vertex, e->a, 0.375);
+        take(context, vertex, e->b, 0.375);
+        take(context, vertex, opposite(m->t[e->triangle[0]], e->a, e->b), 0.125);
+        take(context, vertex, opposite(m->t[e->triangle[1]], e->a, e->b), 0.125);
     }
     mesh_rings(m, &offset, &ring);
     for (uint32_t v = 0; v < m->vertices; v++) {
         double n = offset[v + 1] - offset[v];
         double c = 0.375 + 0.25 * cos(2 * 3.14159265358979323846 / n);
         double beta = (0.625 - c * c) / n;
-        for (int k = 0; k < 3; k++) {
-            double sum = 0;
-            for (uint32_t i = offset[v]; i < offset[v + 1]; i++) sum += m->x[ring[i]][k];
-            r.x[v][k] = (1 - n * beta) * m->x[v][k] + beta * sum;
-        }
+        take(context, v, v, 1 - n * beta);
+        for (uint32_t i = offset[v]; i < offset[v + 1]; i++) take(context, v, ring[i], beta);
     }
     free(ring);
     free(offset);
+    free(edges);
+}
+
+typedef struct {
+    const mesh *from;
+    mesh *to;
+} mesh_pair;
+
+static void add_vertex(void *context, uint32_t vertex, uint32_t old, double weight) {
+    const mesh_pair *p = context;
+    for (int k = 0; k < 3; k++) p->to->x[vertex][k] += weight * p->from->x[old][k];
+}
+
+mesh subdivide_loop(const mesh *m) {
+    uint32_t count;
+    mesh_edge *edges;
+    mesh r = split(m, &edges, &count);
+    memset(r.x, 0, r.vertices * sizeof *r.x);
+    loop_rules(m, add_vertex, &(mesh_pair){m, &r});
     free(edges);
     return r;
 }

@@ -41,4 +41,8 @@ mesh subdivide_midpoint(const mesh *m);
 /* One step of Loop's scheme: the same connectivity, smoothed positions. */
 mesh subdivide_loop(const mesh *m);
 
+/* Its rules: new vertex `vertex` takes `weight` of old vertex `old`. */
+typedef void (*loop_taker)(void *context, uint32_t vertex, uint32_t old, double weight);
+void loop_rules(const mesh *m, loop_taker take, void *context);
+
 #endif

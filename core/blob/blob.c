@@ -332,6 +332,26 @@ static bool has_section(const reader *r, uint32_t type) {
     return false;
 }
 
+static void read_detail(reader *r, palp_blob *b) {
+    const palp_meta *m = b->meta;
+    palp_detail *v = &b->detail;
+    if (m->detail_vertices == 0u) return;
+    require(r, m->detail_vertices <= 64u * PALP_MAX_NODES && m->detail_triangles >= 4u &&
+                   m->detail_triangles <= 256u * PALP_MAX_NODES);
+    v->vertices = m->detail_vertices;
+    v->triangles = m->detail_triangles;
+    v->offset = offsets(r, PALP_SEC_DETAIL_OFFSET, v->vertices, m->nodes);
+    v->near = offsets(r, PALP_SEC_DETAIL_NEAR, m->nodes, v->vertices);
+    if (r->status != PALP_OK) return;
+    uint32_t entries = v->offset[v->vertices];
+    v->node = indices(r, PALP_SEC_DETAIL_NODE, entries, 1, m->nodes);
+    v->weight = floats(r, PALP_SEC_DETAIL_WEIGHT, entries, 1);
+    v->height_m = floats(r, PALP_SEC_DETAIL_HEIGHT, v->vertices, 1);
+    v->triangle = indices(r, PALP_SEC_DETAIL_TRIANGLE, v->triangles, 3, v->vertices);
+    v->list = indices(r, PALP_SEC_DETAIL_LIST, v->vertices, 1, v->vertices);
+    require(r, v->near[m->nodes] == v->vertices);
+}
+
 /* The constraint hierarchy, once the free-free block is there. */
 static void read_levels(reader *r, palp_blob *b) {
     const palp_domain *d = &b->domain[PALP_FREE];
@@ -382,6 +402,7 @@ palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
         read_block(&r, &b, row, PALP_FIXED);
     }
     if (r.status == PALP_OK) read_levels(&r, &b);
+    if (r.status == PALP_OK) read_detail(&r, &b);
     if (r.status == PALP_OK) *blob = b;
     return r.status;
 }

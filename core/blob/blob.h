@@ -63,6 +63,17 @@ typedef struct {
     const float *table; /* lower triangle of R_l G R_l^T by rows, 3x3 blocks; NULL if not stored */
 } palp_level;
 
+/* The display surface (MR 9.2): vertex v at sum_k weight[k] x[node[k]] plus height[v] along the
+ * normal there. NULL pointers when the blob has none. */
+typedef struct {
+    uint32_t vertices, triangles;
+    const uint32_t *offset, *node; /* [vertices + 1], [] */
+    const float *weight, *height_m;
+    const uint32_t *triangle; /* [triangles][3] */
+    const uint32_t *near,
+        *list; /* [nodes + 1], [vertices]: the vertices that lie nearest each node */
+} palp_detail;
+
 typedef struct {
     const palp_meta *meta;
     const float *rest_m;         /* [nodes][3] */
@@ -78,6 +89,7 @@ typedef struct {
     palp_domain domain[PALP_DOMAINS];
     palp_columns columns[PALP_DOMAINS][PALP_DOMAINS]; /* [row domain][column domain] */
     palp_level level[PALP_MAX_LEVELS]; /* constraint hierarchy, 0..constraint_level */
+    palp_detail detail;
     size_t bytes;
 } palp_blob;
 

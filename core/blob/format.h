@@ -75,6 +75,14 @@ typedef enum {
     PALP_SEC_COL_INDEX = 56,      /* + block: u16[groups][PALP_LANES] row slots, ascending */
     PALP_SEC_COL_VALUE = 64,      /* + block: f32 or f16 [groups][9][PALP_LANES] */
     PALP_SEC_COL_SCALE = 72,      /* + block: f32[columns] multiplier of the stored values */
+    /* Display surface, a displaced subdivision of the nodes' (MR 9); all or none. */
+    PALP_SEC_DETAIL_OFFSET = 96,    /* u32[detail_vertices + 1] */
+    PALP_SEC_DETAIL_NODE = 97,      /* u32[] nodes that each vertex is a mean of */
+    PALP_SEC_DETAIL_WEIGHT = 98,    /* f32[] */
+    PALP_SEC_DETAIL_HEIGHT = 99,    /* f32[detail_vertices] displacement along the normal, m */
+    PALP_SEC_DETAIL_TRIANGLE = 100, /* u32[detail_triangles][3] */
+    PALP_SEC_DETAIL_NEAR = 101,     /* u32[nodes + 1] detail vertices around each node: offsets */
+    PALP_SEC_DETAIL_LIST = 102,     /* u32[detail_vertices] and the vertices */
     /* Constraint hierarchy of the free domain: + PALP_LEVEL_STRIDE * level. The columns of level
      * constraint_level are those of block free-free above. */
     PALP_SEC_LEVEL_OFFSET = 128, /* the four column sections, as above */
@@ -118,7 +126,8 @@ typedef struct {
     float equilibrium_residual; /* largest |sum of reactions + load| / |load| over unit loads */
     uint8_t mesh_sha256[32];
     uint32_t constraint_level; /* finest level whose Green's functions are stored */
-    uint8_t reserved[16];
+    uint32_t detail_vertices, detail_triangles; /* of the display surface; 0: none */
+    uint8_t reserved[8];
 } palp_meta;
 
 _Static_assert(sizeof(palp_blob_header) == 64, "header layout");

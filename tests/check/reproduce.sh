@@ -19,7 +19,7 @@ check() { # NAME VALUE LEAST
     awk -v v="$2" -v l="$3" 'BEGIN{exit !(v >= l)}'
     ok $? "$1: $2 (at least $3)"
 }
-check "2,145 nodes, lifted linear: compression at RMS .018 (PITFALLS 17)" "$(at out/figure-14.csv 'linear lifted/column/4' 0.018)" 19.5
+check "2,145 nodes, lifted linear: compression at RMS .018" "$(at out/figure-14.csv 'linear lifted/column/4' 0.018)" 19.5
 check "the same at RMS .0056" "$(at out/figure-14.csv 'linear lifted/column/4' 0.0056)" 7.2
 check "the same at RMS .045" "$(at out/figure-14.csv 'linear lifted/column/4' 0.045)" 47.8
 check "large model, level 1: compression at RMS .018" "$(at out/figure-20.csv 'linear lifted/column/1' 0.018)" 50
