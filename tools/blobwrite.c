@@ -84,6 +84,7 @@ static void add_domain(section_list *l, uint32_t which, const domain_data *d) {
     add(l, PALP_SEC_UPDATE + which, d->update, n, 8);
     add(l, PALP_SEC_CHILD_OFFSET + which, d->child_offset, n + 1, 4);
     add(l, PALP_SEC_CHILD + which, d->child, d->child_offset[n], 4);
+    add(l, PALP_SEC_CHILD_WEIGHT + which, d->child_weight, d->child_offset[n], 4);
     if (d->stencil_offset == NULL) return;
     add(l, PALP_SEC_STENCIL_OFFSET + which, d->stencil_offset, n + 1, 4);
     add(l, PALP_SEC_STENCIL + which, d->stencil, d->stencil_offset[n], 4);

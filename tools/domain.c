@@ -122,13 +122,16 @@ static void list_children(domain_data *d) {
                 if (!(d->predict[2 * m + k] > 0)) continue;
                 uint32_t a = d->parent[2 * m + k];
                 if (pass == 0) d->child_offset[a + 1]++;
-                if (pass == 1) d->child[d->child_offset[a] + at[a]++] = m;
+                if (pass == 0) continue;
+                d->child_weight[d->child_offset[a] + at[a]] = d->update[2 * m + k];
+                d->child[d->child_offset[a] + at[a]++] = m;
             }
         }
         free(at);
         if (pass == 1) break;
         for (uint32_t i = 0; i < n; i++) d->child_offset[i + 1] += d->child_offset[i];
         d->child = allocate(d->child_offset[n], sizeof *d->child);
+        d->child_weight = allocate(d->child_offset[n], sizeof *d->child_weight);
     }
 }
 
@@ -178,6 +181,7 @@ domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, 
                            .update = d.update,
                            .child_offset = d.child_offset,
                            .child = d.child,
+                           .child_weight = d.child_weight,
                            .stencil_offset = d.stencil_offset,
                            .stencil = d.stencil,
                            .stencil_weight = d.stencil_weight};
@@ -187,8 +191,8 @@ domain_data domain_build(const mesh *m, const semireg *s, const uint8_t *fixed, 
 }
 
 void domain_free(domain_data *d) {
-    void *owned[] = {d->node,    d->level_start,   d->parent, d->child_offset,
-                     d->child,   d->predict,       d->update, d->stencil_offset,
-                     d->stencil, d->stencil_weight};
+    void *owned[] = {d->node,    d->level_start,    d->parent,      d->child_offset,
+                     d->child,   d->predict,        d->update,      d->stencil_offset,
+                     d->stencil, d->stencil_weight, d->child_weight};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }

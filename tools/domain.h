@@ -17,7 +17,7 @@ typedef struct {
 typedef struct {
     palp_domain view;
     uint32_t *node, *level_start, *parent, *child_offset, *child;
-    float *predict, *update;
+    float *predict, *update, *child_weight;
     uint32_t *stencil_offset, *stencil; /* butterfly only */
     float *stencil_weight;
     uint32_t max_row; /* longest row of W^-1 */

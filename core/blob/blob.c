@@ -252,6 +252,7 @@ static void read_domain(reader *r, palp_blob *b, uint32_t d) {
     v->child_offset = offsets(r, PALP_SEC_CHILD_OFFSET + d, v->slots, v->slots);
     if (r->status != PALP_OK) return;
     v->child = indices(r, PALP_SEC_CHILD + d, v->child_offset[v->slots], 1, v->slots);
+    v->child_weight = floats(r, PALP_SEC_CHILD_WEIGHT + d, v->child_offset[v->slots], 1);
     require(r, v->level_start[v->levels] == v->slots);
     if (palp_blob_has(b, PALP_META_BUTTERFLY)) read_stencils(r, v, d);
     for (uint32_t l = 1; l < v->levels && r->status == PALP_OK; l++) {

@@ -29,6 +29,7 @@ typedef struct {
     const float *update;          /* [slots][2] */
     const uint32_t *child_offset; /* [slots + 1] */
     const uint32_t *child;        /* odd slots that update this one, ascending */
+    const float *child_weight;    /* their update weights s_am */
     /* Butterfly: x_m is predicted by these instead of by its parents; NULL for linear wavelets. */
     const uint32_t *stencil_offset; /* [slots + 1] */
     const uint32_t *stencil;

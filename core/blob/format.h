@@ -68,6 +68,7 @@ typedef enum {
     PALP_SEC_UPDATE = 32,       /* + domain: f32[slots][2] */
     PALP_SEC_CHILD_OFFSET = 36, /* + domain: u32[slots + 1] */
     PALP_SEC_CHILD = 40,        /* + domain: u32[] odd slots that update this one, ascending */
+    PALP_SEC_CHILD_WEIGHT = 44, /* + domain: f32[] what each of them updates it with */
     PALP_SEC_STENCIL_OFFSET = 80, /* + domain: u32[slots + 1], butterfly only */
     PALP_SEC_STENCIL = 84,        /* + domain: u32[] what predicts each odd slot */
     PALP_SEC_STENCIL_WEIGHT = 88, /* + domain: f32[] */

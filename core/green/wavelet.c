@@ -23,22 +23,31 @@ static void predict(const palp_domain *d, float *x, uint32_t level, float sign) 
         return;
     }
     for (uint32_t m = d->level_start[level]; m < d->level_start[level + 1]; m++) {
-        for (uint32_t k = 0; k < 2; k++) {
-            float w = d->predict[2 * m + k];
-            uint32_t a = d->parent[2 * m + k];
-            if (a < m) add_scaled(x + LANES * m, x + LANES * a, sign * w);
-        }
+        float *y = x + LANES * m;
+        const float *p = x + LANES * d->parent[2 * m], *q = x + LANES * d->parent[2 * m + 1];
+        float v = sign * d->predict[2 * m], w = sign * d->predict[2 * m + 1];
+        float sum[LANES];
+        for (uint32_t k = 0; k < LANES; k++) sum[k] = y[k] + v * p[k] + w * q[k];
+        for (uint32_t k = 0; k < LANES; k++) y[k] = sum[k];
     }
 }
 
-/* x_a += sign * sum_m s_am x_m, scattered from the odd slots of one level */
+/* x_a += sign * sum_m s_am x_m: each slot gathers from its children that are odd on the level, in
+ * ascending order. */
 static void update(const palp_domain *d, float *x, uint32_t level, float sign) {
-    for (uint32_t m = d->level_start[level]; m < d->level_start[level + 1]; m++) {
-        for (uint32_t k = 0; k < 2; k++) {
-            float s = d->update[2 * m + k];
-            uint32_t a = d->parent[2 * m + k];
-            if (a < m) add_scaled(x + LANES * a, x + LANES * m, sign * s);
+    uint32_t first = d->level_start[level], last = d->level_start[level + 1];
+    for (uint32_t a = 0; a < first; a++) {
+        uint32_t c = d->child_offset[a], end = d->child_offset[a + 1];
+        float *y = x + LANES * a;
+        float sum[LANES];
+        while (c < end && d->child[c] < first) c++;
+        for (uint32_t k = 0; k < LANES; k++) sum[k] = y[k];
+        for (; c < end && d->child[c] < last; c++) {
+            const float *z = x + LANES * d->child[c];
+            float s = sign * d->child_weight[c];
+            for (uint32_t k = 0; k < LANES; k++) sum[k] += s * z[k];
         }
+        for (uint32_t k = 0; k < LANES; k++) y[k] = sum[k];
     }
 }
 
@@ -92,10 +101,8 @@ static void row_level(const palp_domain *d, uint32_t level, palp_row_scratch *s)
     for (uint32_t a = palp_row_next(s, 0, first); a < first; a = palp_row_next(s, a + 1, first)) {
         for (uint32_t c = d->child_offset[a]; c < d->child_offset[a + 1]; c++) {
             uint32_t m = d->child[c];
-            if (m < first || m >= last) continue;
-            uint32_t side = d->parent[2 * m] == a && d->update[2 * m] > 0.0f ? 0u : 1u;
-            float weight = d->update[2 * m + side] * s->weight[a];
-            if (d->update[2 * m + side] > 0.0f) palp_row_mark(s, m, -weight);
+            if (m < first || m >= last || !(d->child_weight[c] > 0.0f)) continue;
+            palp_row_mark(s, m, -d->child_weight[c] * s->weight[a]);
         }
     }
 }

@@ -5,9 +5,11 @@
  *
  *     bench MESH.obj FIX_Z OUT.json     (make bench)
  */
+#include "core/base/linalg.h"
 #include "tests/models.h"
 #include "tools/parallel.h"
 #include "tools/util.h"
+#include <dlfcn.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -125,6 +127,198 @@ static void measure(const setting *s, double epsilon, double compression, double
     row(name, m[4], "us", "dense summation (speed-up)", m[0] / m[4]);
 }
 
+/* ---- OpenBLAS, if it is there ---- */
+
+typedef void (*spotrf_call)(const char *, const int *, float *, const int *, int *);
+typedef void (*sgemv_call)(const char *, const int *, const int *, const float *, const float *,
+                           const int *, const float *, const int *, const float *, float *,
+                           const int *);
+
+static void *blas;
+
+static void *blas_symbol(const char *name) { return blas != NULL ? dlsym(blas, name) : NULL; }
+
+static void open_blas(void) {
+    static const char *const names[] = {"libopenblas.so.0", "libopenblas.so", NULL};
+    for (int i = 0; names[i] != NULL && blas == NULL; i++) blas = dlopen(names[i], RTLD_NOW);
+    void (*threads)(int) = NULL;
+    *(void **)(void *)&threads = blas_symbol("openblas_set_num_threads");
+    if (threads != NULL) threads(1);
+    if (blas == NULL) printf("no OpenBLAS (libopenblas0-pthread): rows against it are left out\n");
+}
+
+static void measure_cholesky(void) {
+    static const int sizes[] = {3, 6, 12, 24, 48, 96, 144, 192};
+    spotrf_call spotrf = NULL;
+    *(void **)(void *)&spotrf = blas_symbol("spotrf_");
+    float *a = allocate_aligned(192 * 192, sizeof *a), *b = allocate_aligned(192 * 192, sizeof *b);
+    printf("\nCholesky factorisation of n x n\n");
+    for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) {
+        int n = sizes[k], info = 0;
+        double ours = HUGE_VAL, theirs = HUGE_VAL;
+        for (int i = 0; i < n * n; i++)
+            a[i] = expf(-0.1f * (float)abs(i / n - i % n)) + (i / n == i % n ? 1.0f : 0.0f);
+        for (int r = 0; r < 300; r++) {
+            memcpy(b, a, (size_t)(n * n) * sizeof *b);
+            double t = now_s();
+            (void)palp_chol_factor(b, (size_t)n, (size_t)n);
+            ours = fmin(ours, now_s() - t);
+            if (spotrf == NULL) continue;
+            memcpy(b, a, (size_t)(n * n) * sizeof *b);
+            t = now_s();
+            spotrf("L", &n, b, &n, &info);
+            theirs = fmin(theirs, now_s() - t);
+        }
+        char name[64];
+        snprintf(name, sizeof name, "Cholesky, n = %d", n);
+        if (spotrf != NULL)
+            row(name, ours * 1e6, "us", "OpenBLAS spotrf (time ratio)", ours / theirs);
+    }
+    free(a);
+    free(b);
+}
+
+/* The whole field from `s` loaded nodes side by side: one inverse transform and s columns against
+ * the dense product. */
+static void measure_field(const palp_blob *b, const float *dense, double compression) {
+    static const int loaded[] = {1, 4, 16, 40, 150, 400, 2000};
+    const palp_columns *c = &b->columns[PALP_FREE][PALP_FREE];
+    const palp_domain *d = &b->domain[PALP_FREE];
+    sgemv_call sgemv = NULL;
+    *(void **)(void *)&sgemv = blas_symbol("sgemv_");
+    if (sgemv == NULL) return;
+    size_t m = d->slots;
+    float *force = allocate(3 * m, sizeof *force), *y = allocate_aligned(3 * m, sizeof *y);
+    float *x = allocate_aligned(4 * m, sizeof *x);
+    for (size_t i = 0; i < 3 * m; i++) force[i] = 0.1f + 0.01f * (float)(i % 7);
+    printf("\nfull field from s loaded nodes, compression %.1f\n", compression);
+    for (size_t k = 0; k < sizeof loaded / sizeof loaded[0]; k++) {
+        int s = loaded[k], rows = (int)(3 * m), columns = 3 * s, one = 1;
+        const float alpha = 1, beta = 0;
+        double theirs = HUGE_VAL, ours = HUGE_VAL;
+        for (uint32_t r = 0; r < (s > 300 ? 12u : 60u); r++) {
+            uint32_t first = r * 97u % (uint32_t)(m - (size_t)s);
+            double t = now_s();
+            sgemv("N", &rows, &columns, &alpha, dense + (size_t)first * 9 * m, &rows, force, &one,
+                  &beta, y, &one);
+            theirs = fmin(theirs, now_s() - t);
+            t = now_s();
+            memset(x, 0, 4 * m * sizeof *x);
+            for (uint32_t j = 0; j < (uint32_t)s; j++)
+                palp_columns_add(c, first + j, force + 3 * j, x);
+            palp_wavelet_inverse(d, x, d->levels - 1);
+            ours = fmin(ours, now_s() - t);
+            sink = y[0] + x[0];
+        }
+        char name[64];
+        snprintf(name, sizeof name, "full field, s = %d", s);
+        row(name, ours * 1e6, "us", "OpenBLAS sgemv (speed-up)", theirs / ours);
+        row(name, ours * 1e6, "us", "compression (share of it reached)",
+            theirs / ours / compression);
+    }
+    free(force);
+    free(x);
+    free(y);
+}
+
+/* ---- ticks by contact size and level ---- */
+
+typedef struct {
+    uint32_t slot;
+    float distance;
+} near_slot;
+
+static int nearer(const void *a, const void *b) {
+    float p = ((const near_slot *)a)->distance, q = ((const near_slot *)b)->distance;
+    return (p > q) - (p < q);
+}
+
+/*
+ * A patch of s nodes on one level: from scratch (entries, factor, solve), and with the factor at
+ * hand (solve). A level below has about a quarter of the unknowns.
+ */
+static void measure_patch(const palp_blob *b, const near_slot *list, uint32_t s, uint32_t level) {
+    uint32_t slot[400], n = 0;
+    bool table = b->level[level].table != NULL;
+    for (uint32_t i = 0; i < s; i++) {
+        if (list[i].slot < b->level[level].nodes) slot[n++] = list[i].slot;
+    }
+    if (n == 0) return;
+    const palp_domain *d = &b->domain[PALP_FREE];
+    palp_row_scratch scratch = {allocate(d->slots, sizeof(float)),
+                                allocate((d->slots + 31) / 32, sizeof(uint32_t))};
+    palp_row *rows = allocate(n, sizeof *rows);
+    for (uint32_t i = 0; i < n; i++) {
+        rows[i] = (palp_row){.index = allocate(b->meta->max_row, sizeof(uint16_t)),
+                             .weight = allocate(b->meta->max_row, sizeof(float))};
+    }
+    float *c = allocate_aligned((size_t)n * n, sizeof *c), *f = allocate(n, sizeof *f), block[9];
+    double entries = HUGE_VAL, factor = HUGE_VAL, solve = HUGE_VAL;
+    for (int r = 0; r < (n > 100 ? 3 : 9); r++) {
+        double t = now_s();
+        for (uint32_t i = 0; i < n; i++) {
+            if (!table) (void)palp_wavelet_row(d, slot[i], &scratch, &rows[i], b->meta->max_row);
+            palp_vec3 ni = palp_vec3_at(b->normal + 3 * d->node[slot[i]]);
+            for (uint32_t j = 0; j < n; j++) {
+                if (table) palp_table_block(b, level, slot[i], slot[j], block);
+                if (!table)
+                    palp_columns_extract(&b->level[level].columns, slot[j], &rows[i], block);
+                palp_vec3 nj = palp_vec3_at(b->normal + 3 * d->node[slot[j]]);
+                palp_vec3 u = {palp_dot(palp_vec3_at(block), nj),
+                               palp_dot(palp_vec3_at(block + 3), nj),
+                               palp_dot(palp_vec3_at(block + 6), nj)};
+                c[(size_t)i * n + j] =
+                    palp_dot(ni, u) + (i == j ? b->softening[d->node[slot[i]]] : 0);
+            }
+        }
+        for (uint32_t i = 0; i < n && !table; i++) { /* as contact does */
+            for (uint32_t j = 0; j < i; j++) {
+                float mean = 0.5f * (c[(size_t)i * n + j] + c[(size_t)j * n + i]);
+                c[(size_t)i * n + j] = c[(size_t)j * n + i] = mean;
+            }
+        }
+        entries = fmin(entries, now_s() - t);
+        t = now_s();
+        if (palp_chol_factor(c, n, n) != PALP_OK) printf("  (not positive definite)\n");
+        factor = fmin(factor, now_s() - t);
+        for (uint32_t i = 0; i < n; i++) f[i] = 1;
+        t = now_s();
+        palp_chol_solve(c, n, n, f);
+        solve = fmin(solve, now_s() - t);
+    }
+    char name[96];
+    snprintf(name, sizeof name, "s = %u on level %u (%u unknowns): from scratch", s, level, n);
+    row(name, (entries + factor + solve) * 1e6, "us", "with the factor at hand (time ratio)",
+        (entries + factor + solve) / solve);
+    printf("      entries %.2f us (%s), factor %.2f us, solve %.2f us\n", entries * 1e6,
+           table ? "table" : "extracted", factor * 1e6, solve * 1e6);
+    for (uint32_t i = 0; i < n; i++) {
+        free(rows[i].index);
+        free(rows[i].weight);
+    }
+    void *owned[] = {rows, scratch.weight, scratch.mark, c, f};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
+}
+
+static void measure_patches(const palp_blob *b) {
+    static const uint32_t sizes[] = {1, 4, 16, 40, 150, 400};
+    const palp_domain *d = &b->domain[PALP_FREE];
+    near_slot *list = allocate(d->slots, sizeof *list);
+    uint32_t center = d->level_start[1] / 2; /* on level 0, so on all */
+    for (uint32_t i = 0; i < d->slots; i++) {
+        palp_vec3 off = palp_sub(palp_vec3_at(b->rest_m + 3 * d->node[i]),
+                                 palp_vec3_at(b->rest_m + 3 * d->node[center]));
+        list[i] = (near_slot){i, palp_dot(off, off)};
+    }
+    qsort(list, d->slots, sizeof *list, nearer);
+    printf("\ncapacitance systems of s contact nodes, by constraint level (normal unknowns)\n");
+    for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) {
+        for (uint32_t l = b->meta->constraint_level + 1; l-- > 0;)
+            measure_patch(b, list, sizes[k], l);
+    }
+    free(list);
+}
+
 /* What one contact tick costs while the tool slides, per number of nodes in contact. */
 static void measure_contact(const palp_blob *b) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
@@ -164,10 +358,12 @@ int main(int argc, char **argv) {
     output out = open_output(argv[3]);
     json = out.file;
     progress_quiet(1);
+    open_blas();
+    measure_cholesky();
     static const double epsilons[] = {0.01, 0.05, 0.2};
     for (int e = 0; e < 3; e++) {
         mesh m = mesh_load(argv[1]);
-        baked b = model_bake(m, atof(argv[2]), epsilons[e], false, false);
+        baked b = model_bake_tables(m, atof(argv[2]), epsilons[e], false, false, 8e6);
         const palp_domain *d = &b.blob.domain[PALP_FREE];
         setting s = {.blob = &b.blob, .m = d->slots};
         float *dense = allocate_aligned(9 * s.m * s.m, sizeof *dense);
@@ -188,7 +384,11 @@ int main(int argc, char **argv) {
         }
         double compression = (double)s.m * (double)s.m / (double)b.blob.meta->free_blocks;
         measure(&s, epsilons[e], compression, (double)b.blob.meta->rms_error);
-        if (e == 1) measure_contact(&b.blob);
+        if (e == 1) {
+            measure_contact(&b.blob);
+            measure_patches(&b.blob);
+            measure_field(&b.blob, dense, compression);
+        }
         free(dense);
         free(b.g.m);
         free(b.bytes);
