@@ -75,23 +75,45 @@ static float largest_force(const run_record *r) {
     return largest;
 }
 
+/* "level 3 in 9000 ticks, 3/2 in 800, 2 in 200", finest first. */
+static void describe_levels(const run_record *r, char *text, size_t size) {
+    size_t count[PALP_MAX_LEVELS][2] = {{0}}, used = 0;
+    bool first = true;
+    for (size_t i = 0; i < r->count; i++)
+        count[r->tick[i].level][r->tick[i].outer < r->tick[i].level ? 1 : 0]++;
+    text[0] = '\0';
+    for (uint32_t l = PALP_MAX_LEVELS; l-- > 0;) {
+        for (uint32_t mixed = 0; mixed < 2 && used < size; mixed++) {
+            if (count[l][mixed] == 0) continue;
+            char name[24];
+            snprintf(name, sizeof name, mixed != 0 ? "%" PRIu32 "/%" PRIu32 : "%" PRIu32, l,
+                     l > 0 ? l - 1 : 0);
+            int n = snprintf(text + used, size - used, "%s%s in %zu%s", first ? "level " : ", ",
+                             name, count[l][mixed], first ? " ticks" : "");
+            used += n > 0 ? (size_t)n : 0;
+            first = false;
+        }
+    }
+}
+
 static void summary_lines(FILE *f, const run_record *r, const char *format) {
     float *us = tick_times_us(r);
     quantiles q = quantiles_of(us, r->count);
     const palp_counters *c = &r->counters;
     const palp_report *last = &r->tick[r->count - 1];
     uint32_t most_active = 0;
-    size_t touching = 0, spent = 0, full = 0;
+    size_t touching = 0, spent = 0, full = 0, aborted = 0;
     for (size_t i = 0; i < r->count; i++) {
         if (r->tick[i].active > most_active) most_active = r->tick[i].active;
         touching += r->tick[i].active > 0 ? 1 : 0;
+        aborted += r->tick[i].aborted;
         spent += (r->tick[i].contact_flags & PALP_CONTACT_PIVOTS_SPENT) != 0 ? 1 : 0;
         full += (r->tick[i].contact_flags &
                  (PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL)) != 0
                     ? 1
                     : 0;
     }
-    char text[256];
+    char text[512];
 #define LINE(name, ...)                                                                            \
     do {                                                                                           \
         snprintf(text, sizeof text, __VA_ARGS__);                                                  \
@@ -114,10 +136,12 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
         LINE("wake-up lateness", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", w.p50,
              w.p99, w.p999, w.max);
     }
+    char levels[256];
+    describe_levels(r, levels, sizeof levels);
     LINE("levels",
-         "finest (%" PRIu32
-         ") in all %zu ticks, 0 aborted; %zu ticks spent their pivots, %zu met a capacity",
-         last->level, r->count, spent, full);
+         "%s; %" PRIu64 " drops, %" PRIu64 " climbs, %zu aborted; %zu ticks spent their pivots, "
+         "%zu met a capacity",
+         levels, c->dropped, c->climbed, aborted, spent, full);
     LINE("contact", "%zu ticks touching, at most %" PRIu32 " nodes", touching, most_active);
     LINE("frames",
          "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64

@@ -84,7 +84,7 @@ static float retreat_ns(palp_bounded *b) {
     uint32_t load = least(palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS,
                           b->config.limits.max_candidates);
     uint32_t active = least(load, b->config.limits.max_active);
-    return time_of(b, palp_cost_change(&b->bound, load) +
+    return time_of(b, palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load) +
                           palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS));
 }
 
@@ -125,7 +125,8 @@ static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_repor
     uint32_t fresh = palp_contact_search(c, around, b->fresh);
     uint32_t i = 0;
     for (; i < fresh; i++) {
-        float admit = time_of(b, palp_cost_admit(&b->bound, c->level, c->count));
+        float admit =
+            time_of(b, palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count));
         if (admit + answer_ns(b, c, 1u) + b->retreat_ns > left_ns(b)) break;
         palp_contact_admit(c, b->fresh[i]);
     }
@@ -171,6 +172,7 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     palp_coupling_end(&b->coupling, c, b->config.dt_s, result);
     palp_ladder_relax(&b->ladder, b->config.dt_s);
     r.level = c->level;
+    r.outer = c->outer;
     r.flags = c->flags;
     r.pivots = c->pivots;
     r.candidates = c->count;
@@ -188,8 +190,8 @@ static bool finer_fits(palp_bounded *b) {
     if ((float)load > CLIMB_SHARE * b->bound.limit_active) return false;
     float need = b->bound.fixed + palp_cost_search(&b->bound, count, load) +
                  palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
-    float retreat =
-        palp_cost_change(&b->bound, load) + palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
+    float retreat = palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung + 1u], load) +
+                    palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
     float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
     return time_of(b, need + retreat) <= share;
 }
@@ -208,13 +210,15 @@ void palp_bounded_spare(palp_bounded *bounded) {
         palp_ladder_forget(l);
         return;
     }
+    palp_rung finer = l->at[l->rung + 1u];
     tools_of(b, tool_m);
     uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
     palp_contact *next = palp_ladder_other(l);
     for (uint32_t i = 0; i < missing; i++) {
-        if (time_of(b, palp_cost_admit(&b->bound, next->level, next->count)) > left_ns(b)) return;
+        if (time_of(b, palp_cost_admit(&b->bound, finer, next->count)) > left_ns(b)) return;
         palp_contact_admit(next, b->fresh[i]);
     }
-    if (missing > 0u || time_of(b, palp_cost_change(&b->bound, next->count)) > left_ns(b)) return;
+    if (missing > 0u || time_of(b, palp_cost_change(&b->bound, finer, next->count)) > left_ns(b))
+        return;
     if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
 }

@@ -42,7 +42,8 @@ typedef struct {
 } palp_bounded;
 
 typedef struct {
-    uint32_t level, aborted; /* level of the answer; levels given up in this tick */
+    uint32_t level, outer; /* levels of the answer, under the tool and around it */
+    uint32_t aborted;      /* rungs given up in this tick */
     uint32_t flags, pivots, candidates, active, admitted, deferred;
     bool shortened; /* did less than the limits allow because time ran out */
 } palp_bounded_report;

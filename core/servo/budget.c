@@ -60,9 +60,15 @@ float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t ac
            k * (bound->tool + 5.0f * (float)active + bound->ring * bound->near + 3.0f * k);
 }
 
-float palp_cost_admit(const palp_cost_bound *bound, uint32_t level, uint32_t count) {
+/* Look-ups that one pair may take. */
+static float look_ups(const palp_cost_bound *b, palp_rung rung) {
+    return rung.outer < rung.level ? 1.0f + b->ring : 1.0f;
+}
+
+float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t count) {
     float pairs = (float)count + 1.0f;
-    if ((bound->tables >> level & 1u) != 0u) return bound->tool + pairs * LOOKUP;
+    if ((bound->tables >> rung.level & 1u) != 0u)
+        return 2.0f * bound->tool + pairs * LOOKUP * look_ups(bound, rung);
     return bound->tool + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;
 }
 
@@ -85,16 +91,17 @@ float palp_cost_answer(const palp_cost_bound *bound, uint32_t count, uint32_t ac
     return (float)PALP_COUPLING_SOLVES * solve + 10.0f * n * n;
 }
 
-float palp_cost_change(const palp_cost_bound *bound, uint32_t load) {
+float palp_cost_change(const palp_cost_bound *bound, palp_rung rung, uint32_t load) {
     float h = (float)load;
-    return h * (bound->tool + 40.0f + 0.5f * LOOKUP * h) + h * h * h / 6.0f + 3.0f * h * h;
+    float pairs = 0.5f * LOOKUP * look_ups(bound, rung) * h;
+    return h * (6.0f * bound->tool + 40.0f + pairs) + h * h * h / 6.0f + 3.0f * h * h;
 }
 
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits) {
-    uint32_t level = PALP_MAX_LEVELS; /* no table */
+    const palp_rung finest = {PALP_MAX_LEVELS, PALP_MAX_LEVELS}; /* no table */
     return bound->fixed + palp_cost_search(bound, limits.max_candidates, limits.max_active) +
            palp_cost_answer(bound, limits.max_candidates, limits.max_active, limits.max_pivots) +
-           (float)limits.max_new * palp_cost_admit(bound, level, limits.max_candidates - 1u);
+           (float)limits.max_new * palp_cost_admit(bound, finest, limits.max_candidates - 1u);
 }
 
 float palp_cost_least(const palp_cost_bound *bound) {

@@ -44,8 +44,8 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
 float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t active);
 
 /* Taking one candidate in while `count` are there: count + 1 look-ups on a level with a table, else
- * row + (2 count + 1) extraction. */
-float palp_cost_admit(const palp_cost_bound *bound, uint32_t level, uint32_t count);
+ * row + (2 count + 1) extraction; of a mixed set each look-up is one per child of a hat. */
+float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t count);
 
 /* One pivot with `active` in contact: 5 active^2 + columns (active^2 / 2 + columns active) +
  * count (2 active + 6) + 32 active. */
@@ -60,7 +60,7 @@ float palp_cost_answer(const palp_cost_bound *bound, uint32_t count, uint32_t ac
 
 /* Going over to a rung on which `load` basis functions carry the forces: load^2 / 2 look-ups,
  * load^3 / 6 + 3 load^2, load evaluations of the tool. */
-float palp_cost_change(const palp_cost_bound *bound, uint32_t load);
+float palp_cost_change(const palp_cost_bound *bound, palp_rung rung, uint32_t load);
 
 /* The whole tick: everything that the limits allow on the finest level, and the least that still is
  * an answer, on the coarsest. */

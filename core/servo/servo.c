@@ -256,6 +256,7 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     r->slipping = s->bounded.coupling.spring[0].friction.slipping;
     r->contact_flags = b.flags;
     r->level = b.level;
+    r->outer = b.outer;
     r->aborted = b.aborted;
     r->admitted = b.admitted;
     r->deferred = b.deferred;

@@ -67,9 +67,9 @@ typedef struct {
 typedef struct {
     uint64_t tick;
     palp_state state;
-    uint32_t faults;  /* PALP_FAULT_ bits, latched */
-    uint32_t level;   /* constraint level of the answer */
-    uint32_t aborted; /* levels given up in this tick */
+    uint32_t faults;       /* PALP_FAULT_ bits, latched */
+    uint32_t level, outer; /* constraint levels of the answer, under the tool and around it */
+    uint32_t aborted;      /* rungs of the ladder given up in this tick */
     uint32_t contact_flags, pivots, candidates, active, admitted, deferred;
     float bound_ns, elapsed_ns;
     float joint_rad[PALP_AXES];

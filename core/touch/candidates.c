@@ -7,6 +7,7 @@
 #define DESCENT_STEPS 32u  /* moves of the nearest node per search */
 #define KEEP 1.25f         /* idle candidates are kept to this times the reach for new ones */
 #define MAX_NEIGHBOURS 64u /* of a basis function on a coarse level */
+#define BORDER 0.15f       /* idle candidates may be this far on the wrong side of the zone */
 
 static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, palp_arena *arena) {
     uint32_t slots = b->domain[PALP_FREE].slots;
@@ -64,7 +65,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
     contact->position_m = position_m;
     contact->tools = tools;
     contact->tool_count = tool_count;
-    contact->level = blob->meta->constraint_level;
+    contact->level = contact->outer = blob->meta->constraint_level;
     for (uint32_t i = 0; i < slots; i++) contact->place[i] = 0;
     for (uint32_t i = 0; i < slots; i++) contact->scratch.weight[i] = 0.0f;
     for (uint32_t i = 0; i < (slots + 31u) / 32u; i++) contact->scratch.mark[i] = 0u;
@@ -74,7 +75,13 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
 void palp_contact_clear(palp_contact *contact, uint32_t level) {
     for (uint32_t i = 0; i < contact->count; i++) contact->place[contact->candidate[i].slot] = 0;
     contact->count = contact->active_count = contact->changes = contact->flags = 0;
-    contact->level = level;
+    contact->level = contact->outer = level;
+}
+
+void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t outer, float zone) {
+    palp_contact_clear(contact, level);
+    contact->outer = outer;
+    contact->zone = zone;
 }
 
 static palp_vec3 position(const palp_contact *c, uint32_t node) {
@@ -82,6 +89,20 @@ static palp_vec3 position(const palp_contact *c, uint32_t node) {
 }
 static palp_vec3 normal(const palp_contact *c, uint32_t node) {
     return palp_vec3_at(c->blob->normal + 3u * node);
+}
+
+static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
+
+uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint32_t tool) {
+    const palp_contact *c = contact;
+    const palp_blob *b = c->blob;
+    if (slot >= b->level[c->level].nodes) return PALP_MAX_LEVELS;
+    if (!is_mixed(c)) return c->level;
+    uint32_t node = b->domain[PALP_FREE].node[slot];
+    palp_touch at =
+        palp_tool_at(&c->tools[tool], c->about[tool], position(c, node), normal(c, node));
+    if (at.reach <= c->zone) return c->level;
+    return slot < b->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
 }
 
 /* ---- search ---- */
@@ -170,7 +191,7 @@ static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth)
     p->found = last + 1u;
 }
 
-static void propose(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
+static void propose_one(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
     if (c->place[slot] != 0u) return;
     uint32_t node = c->blob->domain[PALP_FREE].node[slot];
     const palp_tool *t = &c->tools[tool];
@@ -184,12 +205,27 @@ static void propose(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool)
     insert(c, p, (palp_fresh){slot, tool}, at.depth_m);
 }
 
+/* A slot, or the hats above it where the set is coarse. */
+static void propose(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
+    const palp_domain *d = &c->blob->domain[PALP_FREE];
+    if (palp_contact_level_of(c, slot, tool) < PALP_MAX_LEVELS) {
+        propose_one(c, p, slot, tool);
+        return;
+    }
+    for (uint32_t side = 0; side < 2; side++) {
+        uint32_t parent = d->parent[2u * slot + side];
+        bool known = d->predict[2u * slot + side] > 0.0f &&
+                     palp_contact_level_of(c, parent, tool) < PALP_MAX_LEVELS;
+        if (known) propose_one(c, p, parent, tool);
+    }
+}
+
 static void propose_neighbours(palp_contact *c, proposals *p, const palp_candidate *k) {
     const palp_blob *b = c->blob;
-    if (c->level + 1u < b->meta->levels) {
+    if (k->level + 1u < b->meta->levels) {
         uint32_t near[MAX_NEIGHBOURS];
         uint32_t n =
-            palp_level_neighbours(&b->domain[PALP_FREE], k->slot, c->level, near, MAX_NEIGHBOURS);
+            palp_level_neighbours(&b->domain[PALP_FREE], k->slot, k->level, near, MAX_NEIGHBOURS);
         for (uint32_t i = 0; i < n; i++) propose(c, p, near[i], k->tool);
         return;
     }
@@ -254,7 +290,10 @@ static void drop_idle(palp_contact *c, const palp_vec3 *center) {
         const palp_tool *t = &c->tools[k->tool];
         k->at = palp_tool_at(t, center[k->tool], k->x, k->n);
         c->work_done += 60u;
-        bool near = k->at.depth_m > -2.0f * MARGIN * palp_tool_size(t) && k->at.reach < KEEP;
+        float border = c->zone * (k->level == c->level ? 1.0f + BORDER : 1.0f - BORDER);
+        bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
+        bool near =
+            !misplaced && k->at.depth_m > -2.0f * MARGIN * palp_tool_size(t) && k->at.reach < KEEP;
         if (!near && !palp_contact_is_active(c, i)) drop(c, i);
     }
 }
@@ -295,12 +334,39 @@ uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, pal
 
 /* ---- compliances ---- */
 
+/* The block between the hat `a` and [inner,b]: what R says of the inner level's table. */
+static void mixed_block(palp_contact *c, uint32_t a, uint32_t b, float block[9]) {
+    const palp_blob *blob = c->blob;
+    const palp_domain *d = &blob->domain[PALP_FREE];
+    palp_child_range r = palp_children(d, a, c->level);
+    float one[9], share = palp_own_share(blob, c->outer, a);
+    palp_table_block(blob, c->level, a, b, one);
+    for (uint32_t e = 0; e < 9; e++) block[e] = share * one[e];
+    for (uint32_t k = r.first; k < r.end; k++) {
+        share = palp_child_share(blob, c->outer, a, d->child[k]);
+        palp_table_block(blob, c->level, d->child[k], b, one);
+        for (uint32_t e = 0; e < 9; e++) block[e] += share * one[e];
+    }
+    c->work_done += 9u * (uint64_t)(1u + r.end - r.first);
+}
+
 /* The 3x3 compliance between candidates i and j (i felt, j pushed). */
 static void block_between(palp_contact *c, uint32_t i, uint32_t j, float block[9]) {
     const palp_blob *b = c->blob;
     uint32_t slot_i = c->candidate[i].slot, slot_j = c->candidate[j].slot;
-    if (b->level[c->level].table != NULL) {
-        palp_table_block(b, c->level, slot_i, slot_j, block);
+    uint32_t level_i = c->candidate[i].level, level_j = c->candidate[j].level;
+    if (level_i < level_j) {
+        mixed_block(c, slot_i, slot_j, block);
+        return;
+    }
+    if (level_i > level_j) {
+        float turned[9];
+        mixed_block(c, slot_j, slot_i, turned);
+        for (uint32_t e = 0; e < 9; e++) block[e] = turned[(e % 3u) * 3u + e / 3u];
+        return;
+    }
+    if (b->level[level_i].table != NULL) {
+        palp_table_block(b, level_i, slot_i, slot_j, block);
         c->work_done += 9u;
         return;
     }
@@ -356,12 +422,14 @@ static bool make_room(palp_contact *c, palp_fresh fresh) {
 void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
     palp_contact *c = contact;
     uint32_t i = c->count, node = c->blob->domain[PALP_FREE].node[fresh.slot];
-    if (c->place[fresh.slot] != 0u) return;
+    uint32_t level = palp_contact_level_of(c, fresh.slot, fresh.tool);
+    if (c->place[fresh.slot] != 0u || level == PALP_MAX_LEVELS) return;
     if (i == c->limits.max_candidates && !make_room(c, fresh)) return;
     i = c->count;
     palp_candidate *k = &c->candidate[i];
     *k = (palp_candidate){.node = node,
                           .slot = fresh.slot,
+                          .level = level,
                           .tool = fresh.tool,
                           .x = position(c, node),
                           .n = normal(c, node)};

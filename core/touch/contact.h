@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Unilateral contact between one or several rigid tools and the surface, on one constraint level,
- * in bounded work.
+ * Unilateral contact between one or several rigid tools and the surface, on one constraint level or
+ * on two, in bounded work.
  *
- * Candidates are basis functions [l,k] of the contact's level near a tool, kept from tick to tick
- * with their mutual normal compliances
+ * Candidates are basis functions [l,k] near a tool: all of the contact's level, or, of a mixed set
+ * (MR 68), of the level within `zone` of each tool's axis and of a coarser one around it. They are
+ * kept from tick to tick with their mutual normal compliances
  *
  *     g_ij = n_i^T G_[l,i][l,j] n_j        (MR 39, 69; energetic, green/hierarchy.h)
  *
- * looked up in the level's table, or extracted from compressed columns and averaged over (i, j) and
- * (j, i), plus the blob's softening on the diagonal, which keeps them positive definite after
- * thresholding. They are cached, so the symmetric positive definite capacitance matrix costs
- * nothing while the tools stay in place. Contact forces lambda >= 0 solve the complementarity
- * problem
+ * looked up in the level's table (between two levels: as the mean of look-ups that R_l is), or
+ * extracted from compressed columns and averaged over (i, j) and (j, i), plus the blob's softening
+ * on the diagonal, which keeps them positive definite after thresholding. They are cached, so the
+ * symmetric positive definite capacitance matrix costs nothing while the tools stay in place.
+ * Contact forces lambda >= 0 solve the complementarity problem
  *
  *     w = g lambda - d >= 0,   lambda >= 0,   w lambda = 0        (MATH.md 6)
  *
@@ -58,7 +59,7 @@ typedef struct {
 } palp_fresh;
 
 typedef struct {
-    uint32_t node, slot, tool;
+    uint32_t node, slot, level, tool;
     palp_vec3 x, n;   /* where it is without contact, and its normal */
     palp_touch at;    /* the tool as it sees it now */
     float relief_m;   /* depth that it does not feel; below 0: depth that it feels beyond its own */
@@ -81,6 +82,8 @@ typedef struct {
     const float *position_m; /* [nodes][3] surface without contact */
     const palp_tool *tools;
     uint32_t tool_count, level;
+    uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
+    float zone;     /* in units of palp_touch.reach */
     palp_contact_limits limits;
     palp_candidate *candidate; /* [max_candidates], the first `count` in use */
     palp_row *row;             /* [max_candidates], unless the level has a table */
@@ -119,6 +122,13 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
 
 /* Forgets all contacts; further ones are sought on `level`, at most the blob's constraint level. */
 void palp_contact_clear(palp_contact *contact, uint32_t level);
+
+/* The same on two levels, both with tables, the outer one just below the inner. */
+void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t outer, float zone);
+
+/* The level on which a contact would take `slot` for a tool: the inner or the outer one, or
+ * PALP_MAX_LEVELS if the slot is not on it. */
+uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint32_t tool);
 
 /*
  * Updates the candidates for tools at center[tool_count]: drops idle ones out of reach, walks the

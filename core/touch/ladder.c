@@ -29,8 +29,12 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
         if (status != PALP_OK) return status;
     }
     for (uint32_t level = 0; level <= blob->meta->constraint_level; level++) {
-        bool usable = blob->level[level].table != NULL || level == blob->meta->constraint_level;
-        if (usable && blob->level[level].nodes > 0u) l.level[l.rungs++] = level;
+        bool table = blob->level[level].table != NULL;
+        bool usable = table || level == blob->meta->constraint_level;
+        if (!usable || blob->level[level].nodes == 0u) continue;
+        bool below = l.rungs > 0u && l.at[l.rungs - 1u].level + 1u == level;
+        if (table && below) l.at[l.rungs++] = (palp_rung){level, level - 1u};
+        l.at[l.rungs++] = (palp_rung){level, level};
     }
     l.rung = l.rungs - 1u;
     *ladder = l;
@@ -43,15 +47,17 @@ void palp_ladder_clear(palp_ladder *ladder) {
     ladder->waited = 0;
     ladder->tank_J = 0.0f;
     for (uint32_t k = 0; k < 2; k++)
-        palp_contact_clear(&ladder->contact[k], ladder->level[ladder->rung]);
+        palp_contact_clear(&ladder->contact[k], ladder->at[ladder->rung].level);
 }
 
 /* ---- forces from level to level, on the marks of a scratch ---- */
 
-static void mark_forces(const palp_contact *from, uint32_t tool, palp_row_scratch *s) {
+/* Marks the forces of candidates on one level. */
+static void mark_forces(const palp_contact *from, uint32_t tool, uint32_t level,
+                        palp_row_scratch *s) {
     for (uint32_t a = 0; a < from->active_count; a++) {
         const palp_candidate *k = &from->candidate[from->active[a]];
-        if (k->tool == tool) palp_row_mark(s, k->slot, k->force_N);
+        if (k->tool == tool && k->level == level) palp_row_mark(s, k->slot, k->force_N);
     }
 }
 
@@ -60,45 +66,113 @@ static void unmark(palp_row_scratch *s, uint32_t slot) {
     s->mark[slot / 32u] &= ~(1u << (slot % 32u));
 }
 
-/* Forces on the odd slots of `level` go to their parents, whole. */
+/* The force on odd slot m goes to its parents, whole. */
+static void gather_one(const palp_domain *d, uint32_t m, palp_row_scratch *s) {
+    float total = d->predict[2u * m] + d->predict[2u * m + 1u];
+    for (uint32_t side = 0; side < 2; side++) {
+        float w = d->predict[2u * m + side];
+        if (w > 0.0f) palp_row_mark(s, d->parent[2u * m + side], w / total * s->weight[m]);
+    }
+    unmark(s, m);
+}
+
+/* Forces on the odd slots of `level` go to their parents. */
 static void gather(const palp_domain *d, uint32_t level, palp_row_scratch *s) {
     uint32_t first = d->level_start[level], end = d->level_start[level + 1u];
-    for (uint32_t m = palp_row_next(s, first, end); m < end; m = palp_row_next(s, m + 1u, end)) {
-        float total = d->predict[2u * m] + d->predict[2u * m + 1u];
-        for (uint32_t side = 0; side < 2; side++) {
-            float w = d->predict[2u * m + side];
-            if (w > 0.0f) palp_row_mark(s, d->parent[2u * m + side], w / total * s->weight[m]);
-        }
-        unmark(s, m);
-    }
+    for (uint32_t m = palp_row_next(s, first, end); m < end; m = palp_row_next(s, m + 1u, end))
+        gather_one(d, m, s);
+}
+
+/* The force on [level,a] goes to hats of level + 1. */
+static void spread_one(const palp_blob *b, uint32_t level, uint32_t a, palp_row_scratch *s) {
+    const palp_domain *d = &b->domain[PALP_FREE];
+    float force = s->weight[a];
+    palp_child_range r = palp_children(d, a, level + 1u);
+    for (uint32_t c = r.first; c < r.end; c++)
+        palp_row_mark(s, d->child[c], force * palp_child_share(b, level, a, d->child[c]));
+    s->weight[a] = force * palp_own_share(b, level, a);
 }
 
 /* Forces on the hats of `level` go to those of level + 1. */
 static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
-    const palp_domain *d = &b->domain[PALP_FREE];
     uint32_t end = b->level[level].nodes;
-    for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
-        float force = s->weight[a];
-        palp_child_range r = palp_children(d, a, level + 1u);
-        for (uint32_t c = r.first; c < r.end; c++) {
-            palp_row_mark(s, d->child[c], force * palp_child_share(b, level, a, d->child[c]));
-        }
-        s->weight[a] = force * palp_own_share(b, level, a);
+    for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end))
+        spread_one(b, level, a, s);
+}
+
+/* Of a mixed set: forces on slots that it does not hold go to the hats above them. */
+static void settle_outside(const palp_contact *to, uint32_t tool, palp_row_scratch *s) {
+    const palp_domain *d = &to->blob->domain[PALP_FREE];
+    uint32_t first = to->blob->level[to->outer].nodes, end = to->blob->level[to->level].nodes;
+    for (uint32_t m = palp_row_next(s, first, end); m < end; m = palp_row_next(s, m + 1u, end)) {
+        if (palp_contact_level_of(to, m, tool) < PALP_MAX_LEVELS) continue;
+        gather_one(d, m, s);
     }
 }
 
-static void move_forces(const palp_blob *b, uint32_t from, uint32_t to, palp_row_scratch *s) {
-    for (uint32_t l = from; l > to; l--) gather(&b->domain[PALP_FREE], l, s);
-    for (uint32_t l = from; l < to; l++) spread(b, l, s);
+/* Marks on `s` what the forces of `from` under one tool are on the basis functions of `to`. */
+static void move_forces(const palp_contact *from, const palp_contact *to, uint32_t tool,
+                        palp_row_scratch *s) {
+    const palp_blob *b = from->blob;
+    uint32_t level = from->outer;
+    if (to->level > from->outer && from->outer < from->level) { /* the hats come down first */
+        mark_forces(from, tool, from->outer, s);
+        spread(b, from->outer, s);
+        level = from->level;
+    } else if (from->outer < from->level) { /* the nodes go up first */
+        mark_forces(from, tool, from->level, s);
+        gather(&b->domain[PALP_FREE], from->level, s);
+    }
+    mark_forces(from, tool, level, s);
+    for (; level > to->level; level--) gather(&b->domain[PALP_FREE], level, s);
+    if (to->outer < to->level && level == to->outer) { /* only hats inside the zone are spread */
+        uint32_t end = b->level[level].nodes;
+        for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
+            if (palp_contact_level_of(to, a, tool) == to->level) spread_one(b, level, a, s);
+        }
+        level = to->level;
+    }
+    for (; level < to->level; level++) spread(b, level, s);
+    if (to->outer < to->level) settle_outside(to, tool, s);
+}
+
+/* The zone of a mixed rung that has room for what is in contact now: half of max_active inside. */
+static float choose_zone(const palp_contact *now, uint32_t inner) {
+    /* Of finer candidates each is one inside, of coarser ones each becomes about four. */
+    uint32_t room = now->limits.max_active / 2u;
+    uint32_t wanted = now->outer >= inner ? room : room / 4u;
+    float zone = 0.0f;
+    for (uint32_t k = 0; k < wanted; k++) { /* the next larger reach */
+        float next = -1.0f;
+        for (uint32_t a = 0; a < now->active_count; a++) {
+            float reach = now->candidate[now->active[a]].at.reach;
+            if (reach > zone && (next < 0.0f || reach < next)) next = reach;
+        }
+        if (next < 0.0f) break;
+        zone = next;
+    }
+    return zone;
+}
+
+/* Makes `to` empty, on the given rung. */
+static void clear_for(palp_contact *to, const palp_contact *now, palp_rung rung) {
+    if (rung.outer == rung.level) {
+        palp_contact_clear(to, rung.level);
+    } else {
+        palp_contact_clear_mixed(to, rung.level, rung.outer, choose_zone(now, rung.level));
+    }
 }
 
 uint32_t palp_ladder_load(palp_ladder *ladder, uint32_t rung) {
     palp_contact *now = palp_ladder_contact(ladder);
-    uint32_t to = ladder->level[rung], count = 0;
-    uint32_t slots = now->blob->level[to].nodes;
+    palp_rung at = ladder->at[rung];
+    palp_contact to = *now; /* shares all arrays; only levels and zone are looked at */
+    uint32_t count = 0, slots = now->blob->level[at.level].nodes;
+    to.level = at.level;
+    to.outer = at.outer;
+    if (at.outer < at.level) to.zone = choose_zone(now, at.level);
     for (uint32_t t = 0; t < now->tool_count; t++) {
-        mark_forces(now, t, &now->scratch);
-        move_forces(now->blob, now->level, to, &now->scratch);
+        move_forces(now, &to, t, &now->scratch);
         for (uint32_t i = palp_row_next(&now->scratch, 0, slots); i < slots;
              i = palp_row_next(&now->scratch, i + 1u, slots)) {
             unmark(&now->scratch, i);
@@ -194,8 +268,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
         to->grip[t] = from->grip[t];
         to->nearest[t] = from->nearest[t];
         total += palp_contact_normal_force(from, t, &axis);
-        mark_forces(from, t, &to->scratch);
-        move_forces(from->blob, from->level, to->level, &to->scratch);
+        move_forces(from, to, t, &to->scratch);
         carried += hand_over(to, t, &to->scratch, down);
     }
     if (!down && carried < LEAST_CARRIED * total) return false;
@@ -217,7 +290,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
 bool palp_ladder_drop(palp_ladder *ladder, const palp_vec3 *tool_m) {
     if (ladder->rung == 0u) return false;
     palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
-    palp_contact_clear(to, ladder->level[ladder->rung - 1u]);
+    clear_for(to, from, ladder->at[ladder->rung - 1u]);
     (void)take_over(ladder, from, to, true, tool_m);
     ladder->now = 1u - ladder->now;
     ladder->rung--;
@@ -234,8 +307,7 @@ static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
     palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
     uint32_t slots = to->blob->level[to->level].nodes, found = 0;
     for (uint32_t t = 0; t < from->tool_count; t++) {
-        mark_forces(from, t, &to->scratch);
-        move_forces(from->blob, from->level, to->level, &to->scratch);
+        move_forces(from, to, t, &to->scratch);
         for (uint32_t i = palp_row_next(&to->scratch, 0, slots); i < slots;
              i = palp_row_next(&to->scratch, i + 1u, slots)) {
             bool wanted = to->place[i] == 0u && found < to->limits.max_new;
@@ -251,7 +323,7 @@ uint32_t palp_ladder_prepare(palp_ladder *ladder, const palp_vec3 *tool_m, palp_
     if (ladder->rung + 1u >= ladder->rungs) return 0;
     palp_contact *to = palp_ladder_other(ladder);
     if (!ladder->preparing) {
-        palp_contact_clear(to, ladder->level[ladder->rung + 1u]);
+        clear_for(to, palp_ladder_contact(ladder), ladder->at[ladder->rung + 1u]);
         ladder->preparing = true;
         ladder->waited = 0;
     }

@@ -2,8 +2,10 @@
 /*
  * Contact that changes its constraint level without being felt (MR 8.2; MATH.md 5).
  *
- * The rungs are the levels whose compliances contact can use: those with a table, and the blob's
- * constraint level. A change of rung carries the contact forces over:
+ * The rungs are the levels whose compliances contact can use, those with a table and the blob's
+ * constraint level, and between two levels with tables the mixed set of both: fine under the tool,
+ * coarse around it, the zone as wide as half of max_active allows. A change of rung carries the
+ * contact forces over:
  *
  *   down   F_k = sum_i P_ik lambda_i       each force goes to the hats above it
  *   up     lambda_i = (R_l^T F)_i          each hat's force is spread over the nodes below it
@@ -28,9 +30,14 @@
 #define PALP_RELAX_S 0.1f /* time in which credits and reliefs fade */
 
 typedef struct {
+    uint32_t level, outer; /* equal unless the set is mixed */
+} palp_rung;
+
+typedef struct {
     palp_contact contact[2];
-    uint32_t now; /* which of them is felt */
-    uint32_t level[PALP_MAX_LEVELS], rungs, rung;
+    uint32_t now;                       /* which of them is felt */
+    palp_rung at[2u * PALP_MAX_LEVELS]; /* coarse to fine */
+    uint32_t rungs, rung;
     bool preparing;            /* the other one is being made ready for rung + 1 */
     uint32_t waited;           /* ticks of preparation, or since the last change */
     uint32_t dropped, climbed; /* changes so far */

@@ -37,12 +37,13 @@ float calibrate(const palp_blob *blob, palp_contact_limits limits, const palp_to
         die(EXIT_WORK, "the contact limits are unsound");
     }
     for (int round = 0; round < ROUNDS; round++) {
-        palp_contact_clear(&contact, blob->meta->constraint_level);
+        const palp_rung rung = {blob->meta->constraint_level, blob->meta->constraint_level};
+        palp_contact_clear(&contact, rung.level);
         for (int step = 0; step < 64; step++) {
             palp_vec3 center = palp_madd(x, size * (1.0f - 0.01f * (float)step), n);
             uint32_t count = palp_contact_search(&contact, &center, fresh);
             for (uint32_t i = 0; i < count; i++) {
-                float operations = palp_cost_admit(&bound, contact.level, contact.count);
+                float operations = palp_cost_admit(&bound, rung, contact.count);
                 uint64_t start = monotonic_ns(NULL);
                 palp_contact_admit(&contact, fresh[i]);
                 if (admits < (size_t)ROUNDS * limits.max_candidates) {
