@@ -78,6 +78,8 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
     printf(" \"mesh_sha256\": \"%s\",\n", sha);
     printf(" \"stiffness_n_per_m\": {\"min\": %.9g, \"max\": %.9g},\n",
            (double)m->stiffness_min_N_per_m, (double)m->stiffness_max_N_per_m);
+    printf(" \"scalar\": %s, \"detail_vertices\": %" PRIu32 ",\n",
+           palp_blob_has(b, PALP_META_SCALAR) ? "true" : "false", m->detail_vertices);
     printf(" \"gravity\": %s, \"reactions\": %s,\n",
            palp_blob_has(b, PALP_META_GRAVITY) ? "true" : "false",
            palp_blob_has(b, PALP_META_REACTIONS) ? "true" : "false");
@@ -108,7 +110,7 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
            palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
     printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
-           compression, m->free_blocks, dense_bytes / 36, (double)m->rms_error,
+           compression, m->free_blocks, compression * (double)m->free_blocks, (double)m->rms_error,
            (double)m->max_error);
     printf("constraint levels     ");
     for (uint32_t l = 0; l <= m->constraint_level; l++) {
@@ -134,7 +136,8 @@ int command_info(int argc, char **argv) {
     for (size_t i = 0; i < 32; i++) snprintf(sha + 2 * i, 3, "%02x", b.meta->mesh_sha256[i]);
     double free_nodes = b.meta->domain_nodes[PALP_FREE];
     double columns = b.level[b.meta->constraint_level].nodes;
-    double dense_bytes = 36 * free_nodes * columns;
+    double block = palp_blob_has(&b, PALP_META_SCALAR) ? 4 : 36;
+    double dense_bytes = block * free_nodes * columns;
     double compression = free_nodes * columns / (double)b.meta->free_blocks;
     (s.json ? print_json : print_text)(&b, sha, dense_bytes, compression);
     return EXIT_SUCCESS;

@@ -370,7 +370,8 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t i
     palp_servo *s = servo;
     s->start_ns = s->config.port.now_ns(s->config.port.context);
     palp_report r = {.tick = s->counters.ticks++,
-                     .level = palp_ladder_contact(&s->bounded.ladder)->level};
+                     .level = palp_ladder_contact(&s->bounded.ladder)->level,
+                     .outer = palp_ladder_contact(&s->bounded.ladder)->outer};
     r.bound_ns =
         palp_cost_full(&s->bounded.bound, s->config.limits) * s->config.cost.ns_per_operation;
     take_frames(s, in, in_count);

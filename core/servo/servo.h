@@ -90,8 +90,8 @@ size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits);
 
 /*
  * Opens a servo in `memory` (64-byte aligned, owned by the caller). Errors: LIMITS, ARGUMENT,
- * MEMORY, ALIGNMENT, and BUDGET when the least answer does not fit the period; *bound_ns (may be
- * NULL) then says how much time it needs.
+ * MEMORY, ALIGNMENT, and BUDGET when the least answer of the coarsest constraint level does not fit
+ * the period; *bound_ns (may be NULL) then says how much time it needs.
  */
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             const palp_servo_config *config, void *memory, size_t bytes,

@@ -32,6 +32,7 @@ static const char help[] =
     "  --seconds S         default 10; 0 runs until interrupted\n"
     "  --hand SCRIPT       with loop: 'touch' (default) or a file of lines t x y z\n"
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
+    "  --friction MU       Coulomb friction of the tool, 0 to 10 (default 0)\n"
     "  --no-wait           with loop: do not wait for the clock between ticks\n"
     "  --cpu N             run on this processor\n"
     "  --priority P        SCHED_FIFO priority\n"
@@ -43,9 +44,10 @@ static const char help[] =
     "Exit 0 only when the run reached its working state and no fault is latched.\n";
 
 static const option options[] = {
-    {"--bus", 1},   {"--device", 1},  {"--rate", 1}, {"--seconds", 1},  {"--hand", 1},
-    {"--touch", 1}, {"--no-wait", 0}, {"--cpu", 1},  {"--priority", 1}, {"--strict-rt", 0},
-    {"--log", 1},   {"--report", 1},  {"--view", 1}, {"--dds", 0},      {NULL, 0}};
+    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1},
+    {"--hand", 1},   {"--touch", 1},    {"--friction", 1},  {"--no-wait", 0},
+    {"--cpu", 1},    {"--priority", 1}, {"--strict-rt", 0}, {"--log", 1},
+    {"--report", 1}, {"--view", 1},     {"--dds", 0},       {NULL, 0}};
 
 #define MAX_FRAMES 64
 #define MAX_RECORDED 2000000u
@@ -55,6 +57,7 @@ typedef struct {
     const char *blob, *bus, *device, *hand, *log, *report, *view;
     double rate_hz, seconds;
     uint32_t touch;
+    double friction;
     int cpu, priority;
     bool no_wait, strict;
 } daemon_spec;
@@ -81,6 +84,10 @@ static void set_option(void *context, const argument *a) {
         s->seconds = arg_between(a, -1e-9, 1e7);
     } else if (strcmp(o, "--hand") == 0) {
         s->hand = a->value[0];
+    } else if (strcmp(o, "--friction") == 0) {
+        s->friction = arg_double(a, 0);
+        if (!(s->friction >= 0 && s->friction <= 10))
+            die(EXIT_USAGE, "%s: %s is out of range: need 0 to 10", a->where, a->value[0]);
     } else if (strcmp(o, "--touch") == 0) {
         s->touch = arg_u32(a, 0, 0, PALP_MAX_NODES);
     } else if (strcmp(o, "--no-wait") == 0) {
@@ -322,8 +329,10 @@ int main(int argc, char **argv) {
     device_file file = device_load(s.device);
     palp_blob blob = load_blob(s.blob);
     if (s.touch != UINT32_MAX &&
-        (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch))) {
-        die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s.touch);
+        (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch) ||
+         palp_node_slot(&blob, s.touch) >= blob.level[blob.meta->constraint_level].nodes)) {
+        die(EXIT_USAGE,
+            "--touch: node %" PRIu32 " is not a free node of the blob's constraint level", s.touch);
     }
     if (palp_blob_has(&blob, PALP_META_SCALAR))
         die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s.blob);
@@ -344,6 +353,8 @@ int main(int argc, char **argv) {
                                 .tool = palp_tool_sphere(touch.tool_radius_m),
                                 .cost = {.margin = TICK_SHARE},
                                 .port = {.now_ns = monotonic_ns}};
+    config.tool.friction = (float)s.friction;
+    config.limits.friction = s.friction > 0;
     config.cost.ns_per_operation = calibrate(&blob, config.limits, &config.tool, touch.node);
     ses.servo = open_servo(&blob, &config);
     ses.capacity =
