@@ -26,6 +26,8 @@
 #define PACK_VERSION 1u
 #define LARGEST_SECTION (UINT64_C(1) << 32)
 #define ELEMENT_MAX 4096u
+#define LEAST_DELTA 0x1p-28 /* so that every quotient fits 32 bits */
+#define ATTEMPTS 8
 
 typedef struct {
     char magic[8];
@@ -117,7 +119,7 @@ static void code_indices(coder *c, uint16_t *x, const uint32_t *offset, uint64_t
 }
 
 /* Quantised entries, their size foretold by that of the same entry of the block before. */
-static void code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
+static bool code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
                         const uint32_t *offset, uint64_t columns, double delta) {
     number_model(*m)[NUMBER_LENGTHS] = allocate(9, sizeof *m);
     for (size_t i = 0; i < 9 * NUMBER_LENGTHS; i++)
@@ -139,6 +141,10 @@ static void code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
             uint32_t bit = code_bit(c, &even[b], largest.u >> b & 1u);
             largest.u = (largest.u & ~(1u << b)) | bit << b;
         }
+        if (!isfinite(largest.f) || largest.f < 0 || largest.f > (half ? 1.0f : 1e30f)) {
+            free(m);
+            return false;
+        }
         double step = delta * (double)largest.f;
         uint32_t length[9] = {0};
         for (uint64_t g = first; g < end; g += group) {
@@ -150,7 +156,7 @@ static void code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
                         q = (int32_t)lrint((double)(half ? from_half(narrow[k]) : wide[k]) / step);
                     q = code_signed(c, &m[e][length[e]], q);
                     length[e] = bit_length((uint32_t)abs(q));
-                    float v = (float)(q * step);
+                    float v = (float)fmax(-(double)largest.f, fmin(q * step, (double)largest.f));
                     if (half) narrow[k] = to_half(v);
                     if (!half) wide[k] = v;
                 }
@@ -158,6 +164,7 @@ static void code_values(coder *c, uint8_t *data, bool half, uint32_t entries,
         }
     }
     free(m);
+    return true;
 }
 
 /* Codes section i one way or the other; false if its columns do not fit together. */
@@ -185,7 +192,8 @@ static bool code_section(coder *c, sections *s, uint32_t i, double delta) {
     if (kind == INDICES) {
         code_indices(c, (uint16_t *)(void *)s->data[i], offset, columns->count - 1);
     } else {
-        code_values(c, s->data[i], half, width > 4 ? 9 : 1, offset, columns->count - 1, delta);
+        return code_values(c, s->data[i], half, width > 4 ? 9 : 1, offset, columns->count - 1,
+                           delta);
     }
     return true;
 }
@@ -327,16 +335,18 @@ int command_pack(int argc, char **argv) {
     double wanted = s.error > 0 ? s.error : fmax(0.2 * (double)before.meta->rms_error, 1e-4);
     output out = open_output(s.output);
     coder *coded = allocate(BLOB_MAX_SECTIONS, sizeof *coded);
-    double delta = wanted / 4, rms = 0;
-    for (int attempt = 0; attempt < 4; attempt++) {
+    double delta = fmax(wanted / 4, LEAST_DELTA), rms = 0;
+    for (int attempt = 0; attempt < ATTEMPTS; attempt++) {
         uint8_t *decoded = encode(blob, delta, coded, &decoded_bytes);
         if (palp_blob_open(&after, decoded, decoded_bytes) != PALP_OK)
             die(EXIT_WORK, "%s: the error asked for is too large", s.input);
         rms = rms_between(&before, &after);
         free(decoded);
-        bool good = rms <= wanted && rms > 0.8 * wanted;
-        if (good || attempt == 3 || !(rms > 0)) break;
-        delta *= 0.93 * wanted / rms;
+        bool within = rms <= wanted, near = rms > 0.8 * wanted || attempt > 2;
+        if (within && (near || !(rms > 0))) break;
+        if (attempt + 1 == ATTEMPTS || delta <= LEAST_DELTA)
+            die(EXIT_WORK, "%s: an error of %g cannot be reached, only %g", s.input, wanted, rms);
+        delta = fmax(delta * fmin(0.93 * wanted / fmax(rms, 1e-12), 4), LEAST_DELTA);
         for (uint32_t i = 0; i < BLOB_MAX_SECTIONS; i++) free(coded[i].data);
         memset(coded, 0, BLOB_MAX_SECTIONS * sizeof *coded);
     }
@@ -384,8 +394,8 @@ static sections decode(const char *path, const uint8_t *data, size_t bytes) {
     memcpy(&crc, data + bytes - 4, 4);
     if (crc != palp_crc32c(0, data, bytes - 4)) refuse(path, "damaged or cut short");
     size_t at = sizeof h + h.sections * sizeof(pack_entry), end = bytes - 4;
-    bool sound = h.sections >= 1 && h.sections <= BLOB_MAX_SECTIONS && at <= end && h.delta > 0 &&
-                 h.delta < 1 && h.rms >= 0 && h.rms < 10;
+    bool sound = h.sections >= 1 && h.sections <= BLOB_MAX_SECTIONS && at <= end &&
+                 h.delta >= LEAST_DELTA && h.delta < 1 && h.rms >= 0 && h.rms < 10;
     if (!sound) refuse(path, "an unsound header");
     uint64_t total = 0;
     for (uint32_t i = 0; i < h.sections; i++) {

@@ -278,7 +278,10 @@ static palp_status choose_levels(palp_cma *c) {
         palp_switch s = c->switches[k];
         uint32_t slot = palp_node_slot(b, s.node);
         s.level = slot < hats ? c->level : b->meta->constraint_level;
-        if (!palp_node_is_fixed(b, s.node) && slot >= hats) {
+        bool fixed = palp_node_is_fixed(b, s.node);
+        if (fixed && c->pairing == PALP_COLLOCATED && c->level + 1u < b->meta->levels)
+            return PALP_ERR_ABSENT; /* reactions to hats come by reciprocity, which it lacks */
+        if (!fixed && slot >= hats) {
             if (c->covered[slot] != 0u) continue;
             if (slot >= stored) return PALP_ERR_ABSENT;
         }

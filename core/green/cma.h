@@ -104,7 +104,9 @@ palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
  * Solves; u_m and f_N are float[nodes][3]: displacement, and the force that the surroundings apply.
  * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR (also when
  * what is left displaced or fixed lies on one line), ABSENT (a displaced node that no stored column
- * can hold). Afterwards cma->count is the number of unknowns that were solved for.
+ * can hold, or released fixed nodes with collocated constraints on a coarse level). Afterwards
+ * cma->count is the number of unknowns that were solved for, and the forces found count as given:
+ * palp_cma_clear comes before the next problem.
  * Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
  */
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);

@@ -3,7 +3,9 @@
 
 #define NS_PER_S 1e9f
 #define LEAST_PIVOTS 2u /* per solve, in the least answer on a rung */
-#define SPARE_HATS 2u   /* that the forces may come to load while a tick solves */
+#define SPARE_HATS                                                                                 \
+    (2u * PALP_COUPLING_SOLVES *                                                                   \
+     LEAST_PIVOTS)      /* that the forces may come to load while a tick solves */
 #define PATIENCE 3u     /* ticks in a row that may be cut short before the rung is given up */
 #define CLIMB_AFTER 20u /* ticks on a rung before a finer one is prepared, at first */
 #define CLIMB_LATEST 1280u
@@ -25,7 +27,8 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
     palp_arena arena = {.base = memory};
     if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     bool positive = config->dt_s > 0.0f && config->cost.ns_per_operation > 0.0f &&
-                    config->cost.margin > 0.0f && config->port.now_ns != NULL;
+                    config->cost.margin > 0.0f && config->cost.margin <= 1.0f &&
+                    config->port.now_ns != NULL;
     if (!positive || config->tool_count < 1u || config->tool_count > PALP_MAX_TOOLS)
         return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
@@ -58,10 +61,13 @@ uint64_t palp_bounded_work(const palp_bounded *bounded) {
 
 /* ---- time ---- */
 
+/* Time left for anything but the end of the tick. */
 static float left_ns(const palp_bounded *b) {
     const palp_port *port = &b->config.port;
     float spent_ns = (float)(port->now_ns(port->context) - b->start_ns);
-    return b->config.cost.margin * NS_PER_S * b->config.dt_s - spent_ns;
+    float tail = palp_cost_tail(&b->bound, b->config.limits.max_active);
+    return b->config.cost.margin * NS_PER_S * b->config.dt_s - spent_ns -
+           tail * b->config.cost.ns_per_operation;
 }
 
 static float time_of(const palp_bounded *b, float operations) {
@@ -97,8 +103,11 @@ static void tools_of(const palp_bounded *b, palp_vec3 *tool_m) {
 static void drop(palp_bounded *b, palp_bounded_report *r) {
     palp_vec3 tool_m[PALP_MAX_TOOLS];
     tools_of(b, tool_m);
-    if (palp_ladder_drop(&b->ladder, tool_m)) r->aborted++;
+    r->flags |= palp_ladder_contact(&b->ladder)->flags;
     b->cut_short = 0;
+    if (!palp_ladder_drop(&b->ladder, tool_m)) return;
+    r->aborted++;
+    if (b->since_climb >= HELD * CLIMB_LATEST) return; /* this climb is accounted for */
     bool held = b->since_climb >= HELD * b->climb_wait;
     b->climb_wait = held ? CLIMB_AFTER : least(2u * b->climb_wait, CLIMB_LATEST);
     b->since_climb = HELD * CLIMB_LATEST;
@@ -111,7 +120,8 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
     while (b->ladder.rung > 0u) {
         const palp_contact *c = palp_ladder_contact(&b->ladder);
         float need = answer_ns(b, c, 0u) +
-                     time_of(b, palp_cost_search(&b->bound, c->count, c->active_count));
+                     time_of(b, palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count,
+                                                 c->active_count));
         b->retreat_ns = retreat_ns(b);
         if (need + b->retreat_ns <= left_ns(b)) break;
         drop(b, r);
@@ -163,9 +173,10 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     choose_rung(b, &r);
     palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
     take_in(b, around, &r);
-    while (!solve(b, device_m, &settled) && b->ladder.rung > 0u) {
+    if (!solve(b, device_m, &settled) && b->ladder.rung > 0u) {
         drop(b, &r);
-        b->retreat_ns = 0.0f; /* this answer is what was kept back */
+        b->retreat_ns = 0.0f; /* this answer is what was kept back; what it reaches is taken */
+        (void)solve(b, device_m, &settled);
     }
     b->cut_short = settled ? 0u : b->cut_short + 1u;
     palp_contact *c = palp_ladder_contact(&b->ladder);
@@ -173,7 +184,7 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     palp_ladder_relax(&b->ladder, b->config.dt_s);
     r.level = c->level;
     r.outer = c->outer;
-    r.flags = c->flags;
+    r.flags |= c->flags;
     r.pivots = c->pivots;
     r.candidates = c->count;
     r.active = c->active_count;
@@ -188,7 +199,8 @@ static bool finer_fits(palp_bounded *b) {
     uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung + 1u);
     uint32_t count = least(2u * load, b->config.limits.max_candidates);
     if ((float)load > CLIMB_SHARE * b->bound.limit_active) return false;
-    float need = b->bound.fixed + palp_cost_search(&b->bound, count, load) +
+    float need = b->bound.fixed +
+                 palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung + 1u], count, load) +
                  palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
     float retreat = palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung + 1u], load) +
                     palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);

@@ -30,7 +30,9 @@ static float most_in_block(const palp_blob *b) {
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count) {
     const palp_meta *m = blob->meta;
-    palp_cost_bound b = {.fixed = FRAMES_AND_POSE, .columns = 3.0f * (float)tool_count};
+    palp_cost_bound b = {.fixed = FRAMES_AND_POSE,
+                         .pair = limits.friction ? 22.0f : 5.0f,
+                         .columns = 3.0f * (float)tool_count};
     float candidates = (float)limits.max_candidates, active = (float)limits.max_active;
     float row = (float)m->max_row, slots = (float)m->domain_nodes[PALP_FREE];
     b.ring = (float)m->max_ring;
@@ -46,7 +48,8 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     for (uint32_t l = 0; l <= m->constraint_level; l++) {
         if (blob->level[l].table != NULL) b.tables |= 1u << l;
     }
-    float coarsest = (float)blob->level[b.tables != 0u ? 0u : m->constraint_level].nodes;
+    uint32_t lowest = b.tables != 0u ? (uint32_t)__builtin_ctz(b.tables) : m->constraint_level;
+    float coarsest = (float)blob->level[lowest].nodes;
     b.limit_active = active;
     b.limit_candidates = candidates;
     b.least_candidates = palp_min(candidates, coarsest);
@@ -54,10 +57,16 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     return b;
 }
 
-float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t active) {
-    float k = (float)count;
-    return bound->grid +
-           k * (bound->tool + 5.0f * (float)active + bound->ring * bound->near + 3.0f * k);
+float palp_cost_search(const palp_cost_bound *bound, palp_rung rung, uint32_t count,
+                       uint32_t active) {
+    float k = (float)count, times = rung.outer < rung.level ? 5.0f : 1.0f;
+    return times * bound->grid + k * (bound->tool + 5.0f * (float)active +
+                                      times * bound->ring * bound->near + bound->pair * k);
+}
+
+float palp_cost_tail(const palp_cost_bound *bound, uint32_t active) {
+    float n = (float)active;
+    return 0.5f * bound->fixed + bound->columns * (n * n + 2.0f * n) + 45.0f * n;
 }
 
 /* Look-ups that one pair may take. */
@@ -67,14 +76,15 @@ static float look_ups(const palp_cost_bound *b, palp_rung rung) {
 
 float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t count) {
     float pairs = (float)count + 1.0f;
+    float room = 4.0f * bound->tool + pairs * (bound->limit_active + bound->pair + 2.0f);
     if ((bound->tables >> rung.level & 1u) != 0u)
-        return 2.0f * bound->tool + pairs * LOOKUP * look_ups(bound, rung);
-    return bound->tool + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;
+        return room + pairs * LOOKUP * look_ups(bound, rung);
+    return room + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;
 }
 
 float palp_cost_pivot(const palp_cost_bound *bound, uint32_t count, uint32_t active) {
     float n = (float)active, k = bound->columns;
-    return 5.0f * n * n + k * (0.5f * n * n + k * n) + (float)count * (2.0f * n + 6.0f) +
+    return 5.0f * n * n + k * (0.5f * n * n + k * n) + (float)count * (4.0f * n + 12.0f) +
            32.0f * n + k * k * k;
 }
 
@@ -94,18 +104,21 @@ float palp_cost_answer(const palp_cost_bound *bound, uint32_t count, uint32_t ac
 float palp_cost_change(const palp_cost_bound *bound, palp_rung rung, uint32_t load) {
     float h = (float)load;
     float pairs = 0.5f * LOOKUP * look_ups(bound, rung) * h;
-    return h * (6.0f * bound->tool + 40.0f + pairs) + h * h * h / 6.0f + 3.0f * h * h;
+    return h * (6.0f * bound->tool + 40.0f + pairs) + h * h * h / 6.0f + 3.0f * h * h +
+           bound->limit_active * bound->limit_active + bound->columns * bound->row;
 }
 
 float palp_cost_full(const palp_cost_bound *bound, palp_contact_limits limits) {
     const palp_rung finest = {PALP_MAX_LEVELS, PALP_MAX_LEVELS}; /* no table */
-    return bound->fixed + palp_cost_search(bound, limits.max_candidates, limits.max_active) +
+    return bound->fixed +
+           palp_cost_search(bound, finest, limits.max_candidates, limits.max_active) +
            palp_cost_answer(bound, limits.max_candidates, limits.max_active, limits.max_pivots) +
            (float)limits.max_new * palp_cost_admit(bound, finest, limits.max_candidates - 1u);
 }
 
 float palp_cost_least(const palp_cost_bound *bound) {
+    const palp_rung coarsest = {0, 0};
     uint32_t count = (uint32_t)bound->least_candidates, active = (uint32_t)bound->least_active;
-    return bound->fixed + palp_cost_search(bound, count, active) +
+    return bound->fixed + palp_cost_search(bound, coarsest, count, active) +
            palp_cost_answer(bound, count, active, 1u);
 }

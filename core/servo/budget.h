@@ -28,6 +28,7 @@ typedef struct {
     float fixed;      /* frames, kinematics, output chain */
     float grid;       /* a look at the search grid and the scan */
     float near;       /* one neighbour met by the search */
+    float pair;       /* moving the entries of one pair of candidates */
     float tool;       /* one evaluation of the tool */
     float row;        /* one row of W^-1 */
     float extraction; /* one block of G from a compressed column */
@@ -40,8 +41,13 @@ typedef struct {
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count);
 
-/* The search from `count` candidates: grid + count (tool + 5 active + ring near + 3 count). */
-float palp_cost_search(const palp_cost_bound *bound, uint32_t count, uint32_t active);
+/* The search from `count` candidates: grid + count (tool + 5 active + ring near + pair count); of a
+ * mixed set near counts five times. */
+float palp_cost_search(const palp_cost_bound *bound, palp_rung rung, uint32_t count,
+                       uint32_t active);
+
+/* What follows the solves of a tick: energy, fading reliefs, output chain, frames. */
+float palp_cost_tail(const palp_cost_bound *bound, uint32_t active);
 
 /* Taking one candidate in while `count` are there: count + 1 look-ups on a level with a table, else
  * row + (2 count + 1) extraction; of a mixed set each look-up is one per child of a hat. */

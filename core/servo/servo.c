@@ -100,7 +100,7 @@ uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
         const palp_candidate *k = &c->candidate[c->active[a]];
         palp_vec3 force = palp_scale(-k->force_N, k->n);
         if (total > 0.0f) force = palp_madd(force, -k->force_N / total, f->force_N);
-        load[a] = (palp_load){.at = {c->level, k->slot}, .force_N = force};
+        load[a] = (palp_load){.at = {k->level, k->slot}, .force_N = force};
     }
     return c->active_count;
 }

@@ -75,7 +75,9 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
 void palp_contact_clear(palp_contact *contact, uint32_t level) {
     for (uint32_t i = 0; i < contact->count; i++) contact->place[contact->candidate[i].slot] = 0;
     contact->count = contact->active_count = contact->changes = contact->flags = 0;
-    contact->level = contact->outer = level;
+    bool table = contact->blob->level[level].table != NULL;
+    contact->level = table ? level : contact->blob->meta->constraint_level;
+    contact->outer = contact->level;
 }
 
 void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t outer, float zone) {
@@ -90,6 +92,9 @@ static palp_vec3 position(const palp_contact *c, uint32_t node) {
 static palp_vec3 normal(const palp_contact *c, uint32_t node) {
     return palp_vec3_at(c->blob->normal + 3u * node);
 }
+
+/* What one evaluation of a tool counts as. */
+static uint32_t evaluation(const palp_tool *t) { return t->balls > 0u ? 60u * t->balls : 160u; }
 
 static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
 
@@ -196,7 +201,7 @@ static void propose_one(palp_contact *c, proposals *p, uint32_t slot, uint32_t t
     uint32_t node = c->blob->domain[PALP_FREE].node[slot];
     const palp_tool *t = &c->tools[tool];
     palp_touch at = palp_tool_at(t, p->center[tool], position(c, node), normal(c, node));
-    c->work_done += 60u;
+    c->work_done += evaluation(t);
     if (at.facing < FACING || at.reach > 1.0f) return;
     if (at.depth_m < -MARGIN * palp_tool_size(t)) return;
     for (uint32_t i = 0; i < p->found; i++) {
@@ -208,6 +213,7 @@ static void propose_one(palp_contact *c, proposals *p, uint32_t slot, uint32_t t
 /* A slot, or the hats above it where the set is coarse. */
 static void propose(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
     const palp_domain *d = &c->blob->domain[PALP_FREE];
+    if (is_mixed(c)) c->work_done += 3u * evaluation(&c->tools[tool]);
     if (palp_contact_level_of(c, slot, tool) < PALP_MAX_LEVELS) {
         propose_one(c, p, slot, tool);
         return;
@@ -261,7 +267,7 @@ static void drop(palp_contact *c, uint32_t i) {
     for (uint32_t a = 0; a < c->active_count; a++) {
         if (c->active[a] == last) c->active[a] = i;
     }
-    c->work_done += last;
+    c->work_done += c->block != NULL ? 18u * last : last;
 }
 
 /*
@@ -289,8 +295,9 @@ static void drop_idle(palp_contact *c, const palp_vec3 *center) {
         palp_candidate *k = &c->candidate[i];
         const palp_tool *t = &c->tools[k->tool];
         k->at = palp_tool_at(t, center[k->tool], k->x, k->n);
-        c->work_done += 60u;
-        float border = c->zone * (k->level == c->level ? 1.0f + BORDER : 1.0f - BORDER);
+        c->work_done += evaluation(t);
+        float slack = BORDER * palp_max(palp_abs(c->zone), BORDER);
+        float border = k->level == c->level ? c->zone + slack : c->zone - slack;
         bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
         bool near =
             !misplaced && k->at.depth_m > -2.0f * MARGIN * palp_tool_size(t) && k->at.reach < KEEP;
@@ -410,7 +417,7 @@ static bool make_room(palp_contact *c, palp_fresh fresh) {
         least = c->candidate[k].at.depth_m;
         farthest = k;
     }
-    c->work_done += c->count;
+    c->work_done += (uint64_t)c->count * (1u + c->active_count);
     if (farthest < c->count) {
         drop(c, farthest);
         return true;

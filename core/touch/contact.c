@@ -205,6 +205,7 @@ static void relieve_idle(palp_contact *c) {
         palp_candidate *k = &c->candidate[i];
         if (palp_contact_is_active(c, i)) continue;
         k->relief_m = palp_max(k->at.depth_m - palp_contact_indentation(c, i), k->relief_m);
+        c->work_done += 2u * c->active_count;
     }
 }
 

@@ -120,7 +120,8 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
                               const palp_tool *tools, uint32_t tool_count,
                               palp_contact_limits limits, void *memory, size_t bytes);
 
-/* Forgets all contacts; further ones are sought on `level`, at most the blob's constraint level. */
+/* Forgets all contacts; further ones are sought on `level` if it has a table, else on the blob's
+ * constraint level. */
 void palp_contact_clear(palp_contact *contact, uint32_t level);
 
 /* The same on two levels, both with tables, the outer one just below the inner. */

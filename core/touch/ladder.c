@@ -5,6 +5,7 @@
 #define LEAST_CARRIED 0.5f /* share of the force that must find its nodes for a climb */
 #define RIDGE 1e-6f        /* of the 3x3 system that restores the force on a tool */
 #define LARGEST_FACTOR 3.0f
+#define FAR 1e6f /* in units of reach */
 
 size_t palp_ladder_memsize(const palp_blob *blob, palp_contact_limits limits) {
     palp_arena arena = {0};
@@ -141,15 +142,13 @@ static float choose_zone(const palp_contact *now, uint32_t inner) {
     /* Of finer candidates each is one inside, of coarser ones each becomes about four. */
     uint32_t room = now->limits.max_active / 2u;
     uint32_t wanted = now->outer >= inner ? room : room / 4u;
-    float zone = 0.0f;
-    for (uint32_t k = 0; k < wanted; k++) { /* the next larger reach */
-        float next = -1.0f;
-        for (uint32_t a = 0; a < now->active_count; a++) {
-            float reach = now->candidate[now->active[a]].at.reach;
-            if (reach > zone && (next < 0.0f || reach < next)) next = reach;
-        }
-        if (next < 0.0f) break;
-        zone = next;
+    float zone = -FAR;
+    for (uint32_t a = 0; a < now->active_count; a++) { /* the largest reach that leaves room */
+        float reach = now->candidate[now->active[a]].at.reach;
+        uint32_t within = 0;
+        for (uint32_t b = 0; b < now->active_count; b++)
+            within += now->candidate[now->active[b]].at.reach <= reach ? 1u : 0u;
+        if (within <= wanted && reach > zone) zone = reach;
     }
     return zone;
 }
@@ -252,7 +251,8 @@ static void set_reliefs(palp_contact *c, const palp_vec3 *tool_m) {
         k->at = palp_tool_at(&c->tools[k->tool], tool_m[k->tool], k->x, k->n);
         float off = k->at.depth_m - palp_contact_indentation(c, i);
         k->relief_m = palp_contact_is_active(c, i) ? off : palp_max(off, 0.0f);
-        k->target_m = k->at.depth_m - k->relief_m;
+        palp_vec3 off_grip = palp_sub(c->grip[k->tool].held_m, tool_m[k->tool]);
+        k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off_grip);
     }
     c->work_done += (uint64_t)c->count * (60u + c->active_count);
 }
@@ -282,7 +282,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
     float before = palp_contact_energy(from) + ladder->tank_J;
     ladder->tank_J = palp_max(before - limit_energy(to, before), 0.0f);
     set_reliefs(to, tool_m);
-    to->flags = from->flags;
+    to->flags = 0;
     to->pivots = from->pivots;
     return true;
 }

@@ -11,6 +11,10 @@ typedef struct {
     float radius2;
 } mask;
 
+static float area_of(const palp_contact *c, uint32_t i) {
+    return c->blob->level[c->candidate[i].level].area_m2[c->candidate[i].slot];
+}
+
 static float lobe(const mask *m, palp_vec3 off) {
     float s = palp_dot(off, off) / m->radius2;
     return s < 1.0f ? 1.0f - s : 0.0f;
@@ -20,7 +24,7 @@ static mask place_mask(palp_point *p, const palp_contact *c, palp_vec3 at) {
     float r = c->tools[0].ball[0].radius_m;
     mask m = {.radius2 = r * r};
     for (uint32_t i = 0; i < c->count; i++) {
-        float area = c->blob->level[c->level].area_m2[c->candidate[i].slot];
+        float area = area_of(c, i);
         palp_vec3 off = palp_sub(c->candidate[i].x, at);
         float w = lobe(&m, off);
         p->weight[i] = area * w * w;
@@ -34,7 +38,7 @@ static mask place_mask(palp_point *p, const palp_contact *c, palp_vec3 at) {
 /* grad m_i */
 static palp_vec3 slope_of(const palp_point *p, const palp_contact *c, const mask *m, uint32_t i,
                           palp_vec3 at) {
-    float area = c->blob->level[c->level].area_m2[c->candidate[i].slot];
+    float area = area_of(c, i);
     palp_vec3 off = palp_sub(c->candidate[i].x, at);
     palp_vec3 own = palp_scale(4.0f * area * lobe(m, off) / m->radius2, off);
     return palp_scale(1.0f / m->total, palp_madd(own, -p->weight[i], m->sum));

@@ -33,8 +33,8 @@ palp_vec3 palp_point_center(const palp_point *point, const palp_contact *contact
 
 /*
  * Finds where a point held by `grip` comes to rest, from `from` (its last place, or the device),
- * and the force on it. Stiffness 0: it sits where it is held. Cost: POINT_STEPS of count (count +
- * 40) multiply-adds.
+ * and the force on it. Stiffness 0: it sits where it is held. Cost: POINT_STEPS + 1 times count
+ * (count + 40) multiply-adds.
  */
 #define PALP_POINT_STEPS 3u
 palp_vec3 palp_point_solve(palp_point *point, palp_contact *contact, palp_vec3 from,

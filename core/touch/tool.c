@@ -92,10 +92,10 @@ typedef struct {
 
 static spline spline_at(float s, uint32_t count) {
     float last = (float)(count - 1u);
-    float clamped = palp_clamp(s, 0.0f, last);
-    uint32_t i = (uint32_t)(clamped + 0.5f);
+    float clamped = palp_clamp(s, -0.5f, last + 0.5f); /* beyond, the end values go on */
+    uint32_t i = (uint32_t)palp_min(clamped + 0.5f, last);
     float t = clamped - (float)i;
-    bool inside = s >= 0.0f && s <= last;
+    bool inside = s >= -0.5f && s <= last + 0.5f;
     spline p = {
         .index = {i > 0u ? i - 1u : 0u, i, i + 1u < count ? i + 1u : i},
         .weight = {0.5f * (0.5f - t) * (0.5f - t), 0.75f - t * t, 0.5f * (0.5f + t) * (0.5f + t)},

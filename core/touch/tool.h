@@ -59,7 +59,7 @@ bool palp_tool_is_sound(const palp_tool *tool);
 float palp_tool_size(const palp_tool *tool);
 
 /* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,
- * 120 for a pad. */
+ * 160 for a pad. */
 palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n);
 
 /* A point of the tool at c near which the surface is looked for: centres of balls, or of the face;
