@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A mesh with subdivision connectivity that approximates a given surface (MATH.md 3 of the design).
+/* A mesh with subdivision connectivity that approximates a given surface.
  */
 #ifndef PALP_TOOLS_REMESH_H
 #define PALP_TOOLS_REMESH_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The constraint hierarchy (MR 6-8; MATH.md 5 of the design): basis functions [l,k] on every level
+ * The constraint hierarchy (MR 6-8): basis functions [l,k] on every level
  * of the free domain and their compliances.
  *
  * P_l interpolates from K(l) to all nodes by the unlifted filter; a_[l,k] = sum_i P_ik a_i. A force

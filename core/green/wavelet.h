@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The lifted linear wavelet transform on a vertex domain (MR 4.3; MATH.md 4 of the design).
+ * The lifted linear wavelet transform on a vertex domain (MR 4.3).
  *
  * Fields are float[slots][4]: x, y, z and a lane that stays zero, so that one node is one vector
  * register. In place; one fixed order of operations. Level by level,

@@ -15,7 +15,7 @@
  * symmetric positive definite capacitance matrix costs nothing while the tools stay in place.
  * Contact forces lambda >= 0 solve the complementarity problem
  *
- *     w = g lambda - d >= 0,   lambda >= 0,   w lambda = 0        (MATH.md 6)
+ *     w = g lambda - d >= 0,   lambda >= 0,   w lambda = 0
  *
  * by a primal active set on the Cholesky factor: each step either finishes, lets one candidate in
  * or lets one out, and never leaves lambda >= 0 or raises the energy. It starts from the last

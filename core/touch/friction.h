@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Coulomb friction of one tool, with stick and slip (MATH.md 6).
+ * Coulomb friction of one tool, with stick and slip.
  *
  * The tangential traction is taken in proportion to the pressure: node i carries T lambda_i / N of
  * the tangential force T on the tool, N = sum lambda. So each node keeps |t_i| <= mu lambda_i, all

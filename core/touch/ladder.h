@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Contact that changes its constraint level without being felt (MR 8.2; MATH.md 5).
+ * Contact that changes its constraint level without being felt (MR 8.2).
  *
  * The rungs are the levels whose compliances contact can use, those with a table and the blob's
  * constraint level, and between two levels with tables the mixed set of both: fine under the tool,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Contact of a point, spread by a pressure mask (MR 9; MATH.md 6).
+ * Contact of a point, spread by a pressure mask (MR 9).
  *
  * A tip finer than the mesh would fall from node to node. Its force is spread over the nodes within
  * the mask's radius instead, by weights that move smoothly with it:

@@ -136,7 +136,7 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
            *exact = allocate(order, sizeof *exact);
     bem_material material = {young, poisson, BEM_TOLERANCE};
     bem_assemble(&m, &material, h, order, g, order, NULL);
-    /* Unit pressure: u = -(1 - 2 nu) R / E along the radius (PITFALLS 1). */
+    /* Unit pressure: u = -(1 - 2 nu) R / E along the radius. */
     for (size_t i = 0; i < order; i++) {
         p[i] = -m.x[i / 3][i % 3];
         exact[i] = -(1 - 2 * poisson) / young * m.x[i / 3][i % 3];

@@ -19,7 +19,7 @@ static uint64_t virtual_ns;
 static uint64_t virtual_clock(void *context) { return virtual_ns += *(uint64_t *)context; }
 
 static void test_codec(void) {
-    /* HARDWARE.md's vector: node 1, 0.25 Nm = 02E#0000803E, sent with four bytes. */
+    /* The protocol's example: node 1, 0.25 Nm = 02E#0000803E, sent with four bytes. */
     palp_odrive_message m = {
         .node = 1, .command = PALP_ODRIVE_SET_INPUT_TORQUE, .torque_Nm = 0.25f};
     palp_can_frame f = palp_odrive_encode(&m);
