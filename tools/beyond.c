@@ -217,20 +217,6 @@ static greens embed(const study_case *c, const double *scalar) {
     return g;
 }
 
-/* For `palp bake --compliance`: NumPy's format, doubles. */
-static void save_npy(const work *w, const char *name, const double *x, size_t n) {
-    char header[128];
-    int length = snprintf(header, sizeof header,
-                          "{'descr': '<f8', 'fortran_order': False, 'shape': (%zu, %zu), }", n, n);
-    memset(header + length, ' ', sizeof header - (size_t)length);
-    header[117] = '\n';
-    output out = study_file(w->folder, name);
-    fwrite("\x93NUMPY\x01\x00\x76\x00", 1, 10, out.file);
-    fwrite(header, 1, 118, out.file);
-    if (fwrite(x, sizeof *x, n * n, out.file) != n * n) die(EXIT_WORK, "cannot write %s", name);
-    commit_output(&out);
-}
-
 /* Charge that raises every free node to unit potential, from the blob and by elimination. */
 static double charge_error(const study_case *c, const double *scalar, const palp_blob *b) {
     palp_cma cma;
@@ -278,7 +264,9 @@ void show_electrostatics(work *w) {
     save_curves(w, "electrostatics.csv", c, curve, 4);
     add_chart(w, "electrostatics.svg", "RMS error of the potentials", BY_COMPRESSION, RMS_ERROR,
               curve, label, 4);
-    save_npy(w, "electrostatics.npy", scalar, free_nodes(c));
+    output npy = study_file(w->folder, "electrostatics.npy");
+    npy_write(npy.file, scalar, free_nodes(c));
+    commit_output(&npy);
     char path[512];
     snprintf(path, sizeof path, "%s/electrostatics.obj", w->folder);
     mesh_save_obj(&c->m, path);

@@ -192,44 +192,6 @@ static double *nodal_area(const mesh *m) {
     return area;
 }
 
-greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
-                       double density_kg_m3) {
-    size_t order = 3 * (size_t)m->vertices;
-    double origin[3];
-    double *area = nodal_area(m);
-    rbvp p = {.m = m,
-              .fixed = fixed,
-              .material = material,
-              .area = area,
-              .h_stride = order,
-              .g_stride = order + 3,
-              .gravity = order};
-    find_center(m, origin);
-    uint8_t *loaded = free_mask(m, fixed);
-    double *body = allocate(3 * order, sizeof *body);
-    p.h = allocate_aligned(order * order, sizeof *p.h);
-    p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
-    bem_traction traction = particular_load(origin, loaded, body);
-    bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
-    parallel_for(order, swap_columns, &p);
-    gravity_columns(&p, body, origin, density_kg_m3);
-    free(body);
-    free(loaded);
-    solve_columns(&p);
-    free(p.h);
-    forces_from_tractions(&p);
-    add_particular(&p, origin, density_kg_m3);
-    free(area);
-    greens g = {.nodes = m->vertices,
-                .width = p.g_stride,
-                .m = p.g,
-                .fixed = fixed,
-                .gravity = true,
-                .reactions = true};
-    g.equilibrium_residual = equilibrium_residual(&g);
-    return g;
-}
-
 /* ---- coarse loads only ---- */
 
 typedef struct {
@@ -275,34 +237,42 @@ static void take_rows(void *context, size_t node, const double *h, const double 
     free(force);
 }
 
-greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
-                              double density_kg_m3, const hierarchy *h, uint32_t level) {
+/* ---- both ---- */
+
+/* Loads on every node, or with a hierarchy on the basis functions of `level`. */
+static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                         double density, const hierarchy *h, uint32_t level) {
     size_t order = 3 * (size_t)m->vertices;
-    uint32_t count = h->domain.level_start[level + 1];
-    double origin[3];
-    double *area = nodal_area(m);
+    uint32_t count = h != NULL ? h->domain.level_start[level + 1] : 0;
+    size_t loads = h != NULL ? 3 * (size_t)count : order;
+    double origin[3], *area = nodal_area(m), *body = allocate(3 * order, sizeof *body);
+    uint8_t *loaded = free_mask(m, fixed);
     rbvp p = {.m = m,
               .fixed = fixed,
               .material = material,
               .area = area,
               .h_stride = order,
-              .g_stride = 3 * (size_t)count + 3,
-              .gravity = 3 * (size_t)count};
+              .g_stride = loads + 3,
+              .gravity = loads};
     find_center(m, origin);
-    uint8_t *loaded = free_mask(m, fixed);
-    double *body = allocate(3 * order, sizeof *body);
     p.h = allocate_aligned(order * order, sizeof *p.h);
     p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
     bem_traction traction = particular_load(origin, loaded, body);
-    coarse_rows rows = {
-        .p = &p, .h = h, .level = level, .origin = origin, .body = body, .density = density_kg_m3};
-    bem_stream(m, material, take_rows, &rows, &traction);
+    if (h != NULL) {
+        coarse_rows rows = {
+            .p = &p, .h = h, .level = level, .origin = origin, .body = body, .density = density};
+        bem_stream(m, material, take_rows, &rows, &traction);
+    } else {
+        bem_assemble(m, material, p.h, order, p.g, p.g_stride, &traction);
+        parallel_for(order, swap_columns, &p);
+        gravity_columns(&p, body, origin, density);
+    }
     free(body);
     free(loaded);
     solve_columns(&p);
     free(p.h);
     forces_from_tractions(&p);
-    add_particular(&p, origin, density_kg_m3);
+    add_particular(&p, origin, density);
     free(area);
     greens g = {.nodes = m->vertices,
                 .width = p.g_stride,
@@ -315,7 +285,28 @@ greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_mat
     return g;
 }
 
+greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                       double density_kg_m3) {
+    return solve_rbvp(m, fixed, material, density_kg_m3, NULL, 0);
+}
+
+greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                              double density_kg_m3, const hierarchy *h, uint32_t level) {
+    return solve_rbvp(m, fixed, material, density_kg_m3, h, level);
+}
+
 /* ---- compliance from elsewhere ---- */
+
+void npy_write(FILE *f, const double *x, size_t n) {
+    char header[119];
+    int length = snprintf(header, sizeof header,
+                          "{'descr': '<f8', 'fortran_order': False, 'shape': (%zu, %zu), }", n, n);
+    memset(header + length, ' ', sizeof header - (size_t)length);
+    header[117] = '\n';
+    fwrite("\x93NUMPY\x01\x00\x76\x00", 1, 10, f);
+    fwrite(header, 1, 118, f);
+    if (fwrite(x, sizeof *x, n * n, f) != n * n) die(EXIT_WORK, "cannot write a matrix");
+}
 
 static size_t npy_number(const char *path, const char *header, const char *key) {
     const char *at = strstr(header, key);

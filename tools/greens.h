@@ -9,6 +9,7 @@
 #include "bem.h"
 #include "definite.h"
 #include "hierarchy.h"
+#include <stdio.h>
 
 /*
  * v = M v^: rows and columns run over nodes, three each, in mesh order; three more columns hold the
@@ -46,6 +47,9 @@ greens greens_coarse_from_bem(const mesh *m, const uint8_t *fixed, const bem_mat
 /* Reads a .npy matrix: free-free (3 m x 3 m, mesh order) or full (3 n x 3 n, rows of fixed nodes
  * ignored). */
 greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed);
+
+/* The square matrix x[n][n] in NumPy's format, doubles; greens_from_npy reads it. */
+void npy_write(FILE *f, const double *x, size_t n);
 
 /*
  * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part

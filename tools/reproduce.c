@@ -52,20 +52,8 @@ static study_case bake_case(const char *path, uint32_t fewer, bool coarse) {
     if (body.mesh_path == NULL || body.loop <= fewer)
         die(EXIT_USAGE, "%s: needs 'mesh FILE' and 'loop N' with N above %" PRIu32, path, fewer);
     body.loop -= fewer;
-    study_case c = {.m = body_mesh(&body)};
-    double(*normal)[3] = allocate(c.m.vertices, sizeof *normal), start = now_s();
-    c.area = allocate(c.m.vertices, sizeof *c.area);
-    mesh_nodal(&c.m, c.area, normal);
-    free(normal);
-    c.fixed = body_fixed(&body, &c.m);
-    domains d = domains_build(&c.m, c.fixed, c.area, (wavelet){WAVELET_LINEAR, true});
-    const palp_domain *f = &d.domain[PALP_FREE].view;
-    c.levels = f->levels;
-    c.stored = coarse ? LARGE_LEVEL : c.levels - 1;
-    body_require_memory(&body, &c.m, coarse ? f->level_start[c.stored + 1] : c.m.vertices, true);
-    c.g = body_greens(&body, &c.m, c.fixed, &d, c.stored, false);
-    c.seconds = now_s() - start;
-    domains_free(&d);
+    study_case c = study_case_begin(&body);
+    study_case_bake(&c, &body, coarse ? LARGE_LEVEL : PALP_MAX_LEVELS);
     return c;
 }
 
@@ -94,6 +82,14 @@ uint32_t free_nodes(const study_case *c) {
 }
 
 /* ---- page ---- */
+
+/* A chart in a file of its own and on the page. */
+static void draw(const work *w, const char *name, const plot_chart *chart) {
+    output out = study_file(w->folder, name);
+    plot_svg(out.file, chart);
+    commit_output(&out);
+    plot_svg(w->page, chart);
+}
 
 output begin_csv(const work *w, const char *name, const char *header) {
     output out = study_file(w->folder, name);
@@ -127,10 +123,7 @@ void add_chart(const work *w, const char *name, const char *title, abscissa a, o
                     .log_y = true,
                     .series = series,
                     .count = curves};
-    output out = study_file(w->folder, name);
-    plot_svg(out.file, &p);
-    commit_output(&out);
-    plot_svg(w->page, &p);
+    draw(w, name, &p);
 }
 
 void save_curves(const work *w, const char *name, const study_case *c, const study_point *curve[],
@@ -332,10 +325,7 @@ static void figure_9(work *w) {
                         .count = 1};
         char name[32];
         snprintf(name, sizeof name, "figure-9-level-%" PRIu32 ".svg", l);
-        output out = study_file(w->folder, name);
-        plot_svg(out.file, &p);
-        commit_output(&out);
-        plot_svg(w->page, &p);
+        draw(w, name, &p);
         free(x);
         free(y);
     }
@@ -409,10 +399,7 @@ static void figure_16(work *w) {
                         .log_x = true,
                         .series = s,
                         .count = 2};
-    output out = study_file(w->folder, "figure-16.svg");
-    plot_svg(out.file, &chart);
-    commit_output(&out);
-    plot_svg(w->page, &chart);
+    draw(w, "figure-16.svg", &chart);
     commit_output(&csv);
 }
 
@@ -473,10 +460,7 @@ static void figure_17(work *w) {
                         .y_label = "us",
                         .series = &s,
                         .count = 1};
-    output out = study_file(w->folder, "figure-17.svg");
-    plot_svg(out.file, &chart);
-    commit_output(&out);
-    plot_svg(w->page, &chart);
+    draw(w, "figure-17.svg", &chart);
     commit_output(&csv);
     free(field);
     free(first);

@@ -90,6 +90,26 @@ void study_csv(FILE *f, const study_case *c, const study_point *point, size_t co
     }
 }
 
+study_case study_case_begin(const body_spec *body) { return (study_case){.m = body_mesh(body)}; }
+
+void study_case_bake(study_case *c, const body_spec *body, uint32_t finest) {
+    double(*normal)[3] = allocate(c->m.vertices, sizeof *normal), start = now_s();
+    c->area = allocate(c->m.vertices, sizeof *c->area);
+    mesh_nodal(&c->m, c->area, normal);
+    free(normal);
+    c->fixed = body_fixed(body, &c->m);
+    domains d = domains_build(&c->m, c->fixed, c->area, (wavelet){WAVELET_LINEAR, true});
+    const palp_domain *f = &d.domain[PALP_FREE].view;
+    c->levels = f->levels;
+    c->stored = finest < c->levels - 1 ? finest : c->levels - 1;
+    bool coarse = c->stored + 1 < c->levels;
+    body_require_memory(body, &c->m, coarse ? f->level_start[c->stored + 1] : c->m.vertices,
+                        coarse);
+    c->g = body_greens(body, &c->m, c->fixed, &d, c->stored, false);
+    c->seconds = now_s() - start;
+    domains_free(&d);
+}
+
 void study_free(study_case *c) {
     free(c->g.m);
     free(c->fixed);
@@ -216,20 +236,9 @@ static study_case case_of_mesh(const study_spec *s, const char *path) {
             mesh_free(&as_given);
         }
     }
-    study_case c = {.m = body_mesh(&body)};
+    study_case c = study_case_begin(&body);
     if (body.fix_count == 0) hold_lowest_tenth(&body, &c.m);
-    double(*normal)[3] = allocate(c.m.vertices, sizeof *normal), start = now_s();
-    c.area = allocate(c.m.vertices, sizeof *c.area);
-    mesh_nodal(&c.m, c.area, normal);
-    free(normal);
-    c.fixed = body_fixed(&body, &c.m);
-    domains d = domains_build(&c.m, c.fixed, c.area, (wavelet){WAVELET_LINEAR, true});
-    c.levels = d.domain[PALP_FREE].view.levels;
-    c.stored = c.levels - 1;
-    body_require_memory(&body, &c.m, c.m.vertices, false);
-    c.g = body_greens(&body, &c.m, c.fixed, &d, c.stored, false);
-    c.seconds = now_s() - start;
-    domains_free(&d);
+    study_case_bake(&c, &body, PALP_MAX_LEVELS);
     return c;
 }
 

@@ -4,7 +4,7 @@
 #ifndef PALP_TOOLS_STUDY_H
 #define PALP_TOOLS_STUDY_H
 
-#include "build.h"
+#include "body.h"
 #include "plot.h"
 #include "util.h"
 
@@ -45,6 +45,10 @@ output study_file(const char *folder, const char *name);
 void study_csv_header(FILE *f);
 void study_csv(FILE *f, const study_case *c, const study_point *point, size_t count);
 
+/* The body's mesh; then, once its fixed nodes are chosen, everything else, with Green's functions
+ * up to level `finest` or the mesh's own. */
+study_case study_case_begin(const body_spec *body);
+void study_case_bake(study_case *c, const body_spec *body, uint32_t finest);
 void study_free(study_case *c);
 
 #endif

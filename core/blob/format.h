@@ -113,13 +113,13 @@ typedef struct {
     uint32_t domain_nodes[PALP_DOMAINS];
     uint32_t max_ring;    /* largest valence */
     uint32_t max_row;     /* longest selective reconstruction row E^T W^-1 of either domain */
-    uint32_t max_groups;  /* groups of the longest free-free column */
+    uint32_t max_groups;  /* groups of the longest column of any constraint level */
     uint32_t cells[3];    /* search grid */
-    uint64_t free_blocks; /* stored free-free blocks, gravity column apart */
+    uint64_t free_blocks; /* stored on the constraint level, gravity column apart */
     float young_Pa, poisson, density_kg_m3, epsilon;
-    float rms_error, max_error;  /* MR 70, 71, free-free */
+    float rms_error, max_error;  /* MR 70, 71, on the constraint level */
     float reciprocity_residual;  /* |G - G^T|_F / |G|_F before it was enforced */
-    float stiffness_min_N_per_m; /* 1 / (n^T G_jj n) over the free nodes */
+    float stiffness_min_N_per_m; /* 1 / (n^T G_jj n) over that level */
     float stiffness_max_N_per_m;
     float mean_edge_m;
     float box_min_m[3], box_max_m[3];

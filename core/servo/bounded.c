@@ -34,7 +34,8 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_bounded_memsize(config->blob, config->limits)) return PALP_ERR_MEMORY;
     b.bound = palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
-    float least_ns = palp_cost_least(&b.bound) * config->cost.ns_per_operation;
+    float ns = config->cost.ns_per_operation, least_ns = palp_cost_least(&b.bound) * ns;
+    b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active) * ns;
     if (bound_ns != NULL) *bound_ns = least_ns;
     if (least_ns > config->cost.margin * NS_PER_S * config->dt_s) return PALP_ERR_BUDGET;
     b.fresh = palp_take(&arena, config->limits.max_new, sizeof *b.fresh);
@@ -65,9 +66,7 @@ uint64_t palp_bounded_work(const palp_bounded *bounded) {
 static float left_ns(const palp_bounded *b) {
     const palp_port *port = &b->config.port;
     float spent_ns = (float)(port->now_ns(port->context) - b->start_ns);
-    float tail = palp_cost_tail(&b->bound, b->config.limits.max_active);
-    return b->config.cost.margin * NS_PER_S * b->config.dt_s - spent_ns -
-           tail * b->config.cost.ns_per_operation;
+    return b->config.cost.margin * NS_PER_S * b->config.dt_s - b->tail_ns - spent_ns;
 }
 
 static float time_of(const palp_bounded *b, float operations) {

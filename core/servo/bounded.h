@@ -31,11 +31,11 @@ typedef struct {
     palp_bounded_config config;
     palp_cost_bound bound;
     palp_ladder ladder;
-    palp_coupling coupling; /* the caller sets stiffness and damping of each spring after init */
-    palp_fresh *fresh;      /* [max_new] */
-    uint64_t start_ns;      /* of the tick under way */
-    float retreat_ns;
-    uint32_t cut_short; /* ticks in a row in which time ran out */
+    palp_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
+    palp_fresh *fresh;         /* [max_new] */
+    uint64_t start_ns;         /* of the tick under way */
+    float retreat_ns, tail_ns; /* kept back: for a coarser answer, for the end of a tick */
+    uint32_t cut_short;        /* ticks in a row in which time ran out */
     uint32_t
         climb_wait; /* ticks on a rung before a finer one is prepared; grows while climbs fail */
     uint32_t since_climb;

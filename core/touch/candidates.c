@@ -65,6 +65,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
     contact->position_m = position_m;
     contact->tools = tools;
     contact->tool_count = tool_count;
+    for (uint32_t t = 0; t < tool_count; t++) contact->size_m[t] = palp_tool_size(&tools[t]);
     contact->level = contact->outer = blob->meta->constraint_level;
     for (uint32_t i = 0; i < slots; i++) contact->place[i] = 0;
     for (uint32_t i = 0; i < slots; i++) contact->scratch.weight[i] = 0.0f;
@@ -203,7 +204,7 @@ static void propose_one(palp_contact *c, proposals *p, uint32_t slot, uint32_t t
     palp_touch at = palp_tool_at(t, p->center[tool], position(c, node), normal(c, node));
     c->work_done += evaluation(t);
     if (at.facing < FACING || at.reach > 1.0f) return;
-    if (at.depth_m < -MARGIN * palp_tool_size(t)) return;
+    if (at.depth_m < -MARGIN * c->size_m[tool]) return;
     for (uint32_t i = 0; i < p->found; i++) {
         if (p->fresh[i].slot == slot) return;
     }
@@ -300,7 +301,7 @@ static void drop_idle(palp_contact *c, const palp_vec3 *center) {
         float border = k->level == c->level ? c->zone + slack : c->zone - slack;
         bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
         bool near =
-            !misplaced && k->at.depth_m > -2.0f * MARGIN * palp_tool_size(t) && k->at.reach < KEEP;
+            !misplaced && k->at.depth_m > -2.0f * MARGIN * c->size_m[k->tool] && k->at.reach < KEEP;
         if (!near && !palp_contact_is_active(c, i)) drop(c, i);
     }
 }

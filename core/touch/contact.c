@@ -181,7 +181,7 @@ static uint32_t most_violated(palp_contact *c) {
     float worst[PALP_MAX_TOOLS], most = 0.0f;
     uint32_t best = c->count;
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        worst[t] = PENETRATION_MIN * palp_tool_size(&c->tools[t]);
+        worst[t] = PENETRATION_MIN * c->size_m[t];
         if (c->grip[t].stiffness_N_per_m > 0.0f)
             moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_contact_force(c, t));
     }

@@ -81,6 +81,7 @@ typedef struct {
     const palp_blob *blob;
     const float *position_m; /* [nodes][3] surface without contact */
     const palp_tool *tools;
+    float size_m[PALP_MAX_TOOLS]; /* palp_tool_size of each */
     uint32_t tool_count, level;
     uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
     float zone;     /* in units of palp_touch.reach */

@@ -71,7 +71,7 @@ static bool end_solve(palp_coupling *c, const palp_contact *contact) {
     c->moved_m = 0.0f;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_spring *s = &c->spring[t];
-        float size = palp_tool_size(&contact->tools[t]);
+        float size = contact->size_m[t];
         s->contact_N = palp_contact_force(contact, t);
         if (contact->tools[t].friction > 0.0f)
             palp_friction_solve(&s->friction, contact, t, grip_of(c, t), s->contact_N);

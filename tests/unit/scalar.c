@@ -11,20 +11,6 @@
 #include <string.h>
 #include <unistd.h>
 
-static void write_npy(const char *path, const double *x, size_t n) {
-    char header[119];
-    int length = snprintf(header, sizeof header,
-                          "{'descr': '<f8', 'fortran_order': False, 'shape': (%zu, %zu), }", n, n);
-    memset(header + length, ' ', sizeof header - (size_t)length);
-    header[117] = '\n';
-    FILE *f = fopen(path, "wb");
-    if (f == NULL) die(EXIT_WORK, "cannot write %s", path);
-    fwrite("\x93NUMPY\x01\x00\x76\x00", 1, 10, f);
-    fwrite(header, 1, 118, f);
-    fwrite(x, sizeof *x, n * n, f);
-    fclose(f);
-}
-
 /* The charge of a conducting sphere of radius 1 at unit potential is 1 (in units of 4 pi eps0): the
  * matrix is what it should be, before anything is grounded. */
 static void test_sphere(const mesh *m, const double *area) {
@@ -65,7 +51,10 @@ int main(void) {
     int fd = mkstemp(path);
     if (fd < 0) die(EXIT_WORK, "no temporary file");
     close(fd);
-    write_npy(path, exact, count);
+    FILE *matrix = fopen(path, "wb");
+    if (matrix == NULL) die(EXIT_WORK, "cannot write %s", path);
+    npy_write(matrix, exact, count);
+    fclose(matrix);
     greens g = greens_from_npy(path, &m, fixed);
     unlink(path);
     CHECK(g.scalar, "a matrix of as many rows as free nodes is a scalar problem");
