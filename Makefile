@@ -18,7 +18,11 @@ CORE := $(sort $(wildcard core/*/*.c))
 TOOLS := $(sort $(wildcard tools/*.c))
 TOOLS_LIB := $(filter-out tools/main.c,$(TOOLS))
 SIM_LIB := $(filter-out sim/palp_sim.c,$(sort $(wildcard sim/*.c)))
-PORT_LIB := $(filter-out port/linux/palpd.c,$(sort $(wildcard port/linux/*.c)))
+# Telemetry is built with Cyclone DDS where that is installed (never when cross-building).
+DDS := $(if $(CROSS),,$(shell command -v idlc >/dev/null && pkg-config --exists CycloneDDS && echo yes))
+DDS_UNUSED := port/linux/telemetry_$(if $(DDS),none,dds).c
+DDS_LIBS := $(if $(DDS),$(shell pkg-config --libs CycloneDDS))
+PORT_LIB := $(filter-out port/linux/palpd.c $(DDS_UNUSED),$(sort $(wildcard port/linux/*.c)))
 obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o
 LIB := $(BUILD)/libpalp.a
@@ -44,15 +48,15 @@ $(BUILD)/devices.c: $(sort $(wildcard sim/devices/*.dev)) sim/embed.sh
 $(BUILD)/devices.o: $(BUILD)/devices.c
 	@$(CC) $(HOST_FLAGS) -c $< -o $@
 
-$(BUILD)/palp: $(BUILD)/tools/main.o $(call obj,$(TOOLS_LIB)) $(LIB)
+$(BUILD)/palp: $(BUILD)/tools/main.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ -lm -o $@
+	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 $(BUILD)/palpd: $(BUILD)/port/linux/palpd.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ -lm -o $@
+	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 $(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ -lm -o $@
+	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
 
@@ -71,16 +75,16 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 
 UNIT := $(sort $(wildcard tests/unit/*.c))
 UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
-$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
+$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(BUILD)/tests/rig.o $(HOST_OBJ) $(LIB)
 	@mkdir -p $(@D)
-	@$(CC) -pthread $^ -lm -o $@
+	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
 CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
-$(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
-	@$(CC) -pthread $^ -ldl -lm -o $@
+$(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(BUILD)/tests/rig.o $(HOST_OBJ) $(LIB)
+	@$(CC) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
 bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json

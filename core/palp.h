@@ -9,8 +9,8 @@
  *
  *     palp_blob blob;
  *     palp_blob_open(&blob, data, bytes);                          once: everything is checked here
- *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what is never in time
- *     n = palp_servo_tick(servo, in, in_count, out, &report);      every millisecond
+ *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what is never in
+ * time n = palp_servo_tick(servo, &input, out, &report);            every millisecond
  *     palp_servo_spare(servo);                                     after the frames are sent
  *
  * Layers, each standing on those above it:
@@ -19,8 +19,8 @@
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface
  *   touch/  tools, contact, friction, change of constraint level, point contact, virtual coupling
- *   device/ CAN frames, drive codec, kinematics (stands on base alone)
- *   servo/  cost bounds, bounded-time answer, output chain, the tick
+ *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
+ *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick
  *
  * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
  * SI and part of each name that has one. Costs are given in the counts of the blob and of the
@@ -31,7 +31,11 @@
 
 #include "core/base/status.h"
 #include "core/blob/blob.h"
+#include "core/device/busload.h"
+#include "core/device/cia402.h"
+#include "core/device/moteus.h"
 #include "core/device/odrive.h"
+#include "core/device/profile.h"
 #include "core/green/cma.h"
 #include "core/green/detail.h"
 #include "core/green/field.h"

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Device files: keys and values, one per line. */
+#include "core/device/busload.h"
 #include "device.h"
 #include "tools/args.h"
 #include "tools/util.h"
@@ -11,68 +12,202 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--kinematics", 1}, {"--upper", 1},         {"--fore", 1},
-    {"--gear", 3},       {"--counts", 1},        {"--protocol", 1},
-    {"--node", 3},       {"--bitrate", 1},       {"--joint-min", 3},
-    {"--joint-max", 3},  {"--torque-max", 1},    {"--force-max", 1},
-    {"--slew-max", 1},   {"--speed-max", 1},     {"--workspace", 1},
-    {"--tool", 1},       {"--stiffness-max", 1}, {"--damping-max", 1},
-    {"--mass", 1},       {"--damping", 1},       {"--friction", 1},
+    {"--like", 1},
+    {"--kinematics", 1},
+    {"--upper", 1},
+    {"--fore", 1},
+    {"--base", 1},
+    {"--gear", -3},
+    {"--counts", 1},
+    {"--protocol", 1},
+    {"--fd", 1},
+    {"--node", -3},
+    {"--bitrate", 1},
+    {"--data-bitrate", 1},
+    {"--rated-torque", 1},
+    {"--mit-range", 3},
+    {"--master-id", 1},
+    {"--watchdog", 1},
+    {"--joint-min", -3},
+    {"--joint-max", -3},
+    {"--torque-max", 1},
+    {"--force-max", 1},
+    {"--slew-max", 1},
+    {"--speed-max", 1},
+    {"--workspace", 1},
+    {"--tool", 1},
+    {"--stiffness-max", 1},
+    {"--damping-max", 1},
+    {"--mass", 1},
+    {"--damping", 1},
+    {"--friction", 1},
+    {"--weight", 1},
+    {"--lift", 3},
+    {"--coulomb", -3},
+    {"--viscous", -3},
     {NULL, 0},
 };
+#define MAX_LIKES 8
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
+
+static const char *const mechanisms[] = {PALP_MECHANISM_NAMES, NULL};
+static const char *const protocols[] = {PALP_PROTOCOL_NAMES, NULL};
 
 typedef struct {
     device_file d;
     bool seen[KEYS];
+    int count[KEYS]; /* of values */
+    int likes;
 } reading;
 
-static void set_word(const argument *a, const char *only) {
-    if (strcmp(a->value[0], only) != 0)
-        die(EXIT_USAGE, "%s: '%s' is not supported, only '%s'", a->where, a->value[0], only);
-}
-
-static void set_key(void *context, const argument *a) {
-    reading *r = context;
+static bool set_scalar(reading *r, const argument *a) {
     palp_device *p = &r->d.device;
     const struct {
         const char *key;
         float *value;
-    } positive[] = {{"--upper", &p->arm.upper_m},
-                    {"--fore", &p->arm.fore_m},
-                    {"--counts", &p->counts_per_rev},
+    } positive[] = {{"--upper", &p->kinematics.upper_m},
+                    {"--fore", &p->kinematics.fore_m},
+                    {"--base", &p->kinematics.base_m},
+                    {"--counts", &p->drives.counts_per_rev},
                     {"--bitrate", &p->bit_rate_bps},
-                    {"--torque-max", &p->motor_torque_max_Nm},
+                    {"--data-bitrate", &p->data_rate_bps},
+                    {"--rated-torque", &p->drives.rated_torque_Nm},
+                    {"--watchdog", &p->drives.watchdog_s},
+                    {"--torque-max", &p->drives.torque_max_Nm},
                     {"--force-max", &p->force_max_N},
                     {"--slew-max", &p->slew_max_N_per_s},
                     {"--speed-max", &p->speed_max_m_s},
                     {"--workspace", &p->workspace_radius_m},
                     {"--tool", &p->tool_radius_m},
                     {"--stiffness-max", &p->stiffness_max_N_per_m},
-                    {"--damping-max", &p->damping_max_Ns_per_m}};
-    for (size_t i = 0; i < KEYS; i++)
-        r->seen[i] = r->seen[i] || strcmp(keys[i].name, a->option) == 0;
+                    {"--damping-max", &p->damping_max_Ns_per_m},
+                    {"--damping", &p->damping_Ns_per_m}};
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
-        if (strcmp(positive[i].key, a->option) == 0)
-            *positive[i].value = (float)arg_between(a, 0, 1e9);
+        if (strcmp(positive[i].key, a->option) != 0) continue;
+        *positive[i].value = (float)arg_between(a, 0, 1e9);
+        return true;
     }
-    if (strcmp(a->option, "--kinematics") == 0) set_word(a, "arm3");
-    if (strcmp(a->option, "--protocol") == 0) set_word(a, "odrive");
-    if (strcmp(a->option, "--mass") == 0) r->d.mass_kg = arg_between(a, 0, 100);
-    if (strcmp(a->option, "--damping") == 0) r->d.damping_Ns_per_m = arg_between(a, 0, 1e4);
-    if (strcmp(a->option, "--friction") == 0) r->d.friction_N = arg_between(a, 0, 1e3);
-    for (int i = 0; i < 3; i++) {
-        const float degree = 0.017453292519943f;
-        if (strcmp(a->option, "--node") == 0) p->node_id[i] = (uint8_t)arg_u32(a, i, 0, 63);
-        if (strcmp(a->option, "--joint-min") == 0)
-            p->joint_min_rad[i] = degree * (float)arg_double(a, i);
-        if (strcmp(a->option, "--joint-max") == 0)
-            p->joint_max_rad[i] = degree * (float)arg_double(a, i);
-        if (strcmp(a->option, "--gear") != 0) continue;
-        p->gear[i] = (float)arg_double(a, i);
+    return false;
+}
+
+/* Keys with a value per axis. */
+static bool set_axes(palp_device *p, const argument *a) {
+    const float degree = 0.017453292519943f;
+    const struct {
+        const char *key;
+        float *value, unit;
+    } axes[] = {{"--gear", p->gear, 1},
+                {"--joint-min", p->joint_min_rad, degree},
+                {"--joint-max", p->joint_max_rad, degree},
+                {"--coulomb", p->compensation.coulomb_Nm, 1},
+                {"--viscous", p->compensation.viscous_Nms, 1}};
+    for (size_t k = 0; k < sizeof axes / sizeof axes[0]; k++) {
+        if (strcmp(axes[k].key, a->option) != 0) continue;
+        for (int i = 0; i < a->count; i++)
+            axes[k].value[i] = axes[k].unit * (float)arg_double(a, i);
+        return true;
+    }
+    return false;
+}
+
+static char *raw_text(const char *name_or_path);
+
+static void set_key(void *context, const argument *a) {
+    reading *r = context;
+    palp_device *p = &r->d.device;
+    const char *o = a->option;
+    if (strcmp(o, "--like") == 0) {
+        if (r->likes++ == MAX_LIKES)
+            die(EXIT_USAGE, "%s: devices are like each other in a circle", a->where);
+        char *text = raw_text(a->value[0]);
+        args_parse_text(a->value[0], text, keys, set_key, r);
+        free(text);
+        return;
+    }
+    for (size_t i = 0; i < KEYS; i++) {
+        if (strcmp(keys[i].name, o) != 0) continue;
+        r->seen[i] = true;
+        r->count[i] = a->count;
+    }
+    if (set_scalar(r, a) || set_axes(p, a)) return;
+    if (strcmp(o, "--kinematics") == 0) {
+        p->kinematics.mechanism = (palp_mechanism)arg_word(a, mechanisms);
+    } else if (strcmp(o, "--protocol") == 0) {
+        p->drives.protocol = (palp_protocol)arg_word(a, protocols);
+    } else if (strcmp(o, "--fd") == 0) {
+        p->drives.fd = arg_u32(a, 0, 0, 1) == 1;
+    } else if (strcmp(o, "--master-id") == 0) {
+        p->drives.master_id = arg_u32(a, 0, 0, 0x7ff);
+    } else if (strcmp(o, "--mit-range") == 0) {
+        p->drives.range = (palp_mit_range){(float)arg_double(a, 0), (float)arg_double(a, 1),
+                                           (float)arg_double(a, 2)};
+    } else if (strcmp(o, "--node") == 0) {
+        for (int i = 0; i < a->count; i++) p->node_id[i] = (uint8_t)arg_u32(a, i, 0, 126);
+    } else if (strcmp(o, "--lift") == 0) {
+        p->compensation.lift_N =
+            (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
+    } else if (strcmp(o, "--mass") == 0) {
+        r->d.mass_kg = arg_between(a, 0, 100);
+    } else if (strcmp(o, "--friction") == 0) {
+        r->d.friction_N = arg_between(a, 0, 1e3);
+    } else if (strcmp(o, "--weight") == 0) {
+        r->d.weight_N = arg_between(a, 0, 1e3);
+    }
+}
+
+static bool seen(const reading *r, const char *key) {
+    for (size_t i = 0; i < KEYS; i++) {
+        if (strcmp(keys[i].name + 2, key) == 0) return r->seen[i];
+    }
+    return false;
+}
+
+static void need(const reading *r, const char *name, const char *key, const char *why) {
+    if (!seen(r, key)) die(EXIT_USAGE, "%s: the key '%s' is missing%s", name, key, why);
+}
+
+static void check(const reading *r, const char *name) {
+    static const char *const always[] = {
+        "kinematics", "upper",     "fore",      "gear",      "counts",        "protocol",
+        "node",       "bitrate",   "joint-min", "joint-max", "torque-max",    "force-max",
+        "slew-max",   "speed-max", "workspace", "tool",      "stiffness-max", "damping-max",
+        "mass",       "damping",   "friction"};
+    const palp_device *p = &r->d.device;
+    for (size_t i = 0; i < sizeof always / sizeof always[0]; i++) need(r, name, always[i], "");
+    if (p->kinematics.mechanism != PALP_ARM3) need(r, name, "base", ": this mechanism needs it");
+    if (p->drives.protocol == PALP_PROTOCOL_CIA402)
+        need(r, name, "rated-torque", ": the unit of CiA 402 torques");
+    if (p->drives.protocol == PALP_PROTOCOL_MIT) {
+        need(r, name, "mit-range", ": MIT mode does not tell its ranges");
+        need(r, name, "master-id", ": the id of the motors' answers");
+    }
+    if (p->drives.fd) need(r, name, "data-bitrate", ": the second rate of CAN FD");
+    for (size_t i = 0; i < KEYS; i++) {
+        int axes = (int)palp_axes(&p->kinematics);
+        if (keys[i].values < 0 && r->seen[i] && r->count[i] != axes)
+            die(EXIT_USAGE, "%s: '%s' needs %d values, one for each axis, and has %d", name,
+                keys[i].name + 2, axes, r->count[i]);
+    }
+    for (uint32_t i = 0; i < palp_axes(&p->kinematics); i++) {
+        if (!(p->joint_min_rad[i] < p->joint_max_rad[i]))
+            die(EXIT_USAGE, "%s: joint-min of axis %u is not below joint-max", name, i);
         if (!(p->gear[i] > 0.0f || p->gear[i] < 0.0f))
-            die(EXIT_USAGE, "%s: a gear ratio cannot be 0", a->where);
+            die(EXIT_USAGE, "%s: the gear ratio of axis %u cannot be 0", name, i);
     }
+    if (!palp_kinematics_is_sound(&p->kinematics))
+        die(EXIT_USAGE, "%s: the links do not meet at home: fore must be longer than base + upper",
+            name);
+    if (p->drives.protocol == PALP_PROTOCOL_MOTEUS && !p->drives.fd)
+        die(EXIT_USAGE, "%s: moteus speaks CAN FD: set 'fd 1' and 'data-bitrate'", name);
+    if (p->drives.fd &&
+        (p->drives.protocol == PALP_PROTOCOL_ODRIVE || p->drives.protocol == PALP_PROTOCOL_CIA402))
+        die(EXIT_USAGE, "%s: %s drives speak classic CAN: remove 'fd'", name,
+            protocols[p->drives.protocol]);
+    if (!palp_device_is_sound(p))
+        die(EXIT_USAGE,
+            "%s: node ids must differ and fit the protocol (ODrive and palp 0-63, cia402 1-126, "
+            "moteus 1-63, mit 0-15), mit-range must be above 0, watchdog below 60 s",
+            name);
 }
 
 static const char *builtin_text(const char *name) {
@@ -82,31 +217,62 @@ static const char *builtin_text(const char *name) {
     return NULL;
 }
 
-device_file device_load(const char *name_or_path) {
-    reading r = {0};
+static char *raw_text(const char *name_or_path) {
     const char *text = builtin_text(name_or_path);
-    if (text != NULL) {
-        args_parse_text(name_or_path, text, keys, set_key, &r);
-    } else if (access(name_or_path, R_OK) == 0) {
-        args_parse_file(name_or_path, keys, set_key, &r);
-    } else {
-        char names[256] = "";
-        for (size_t i = 0; builtin_devices[i][0] != NULL; i++) {
-            size_t used = strlen(names);
-            snprintf(names + used, sizeof names - used, " %s", builtin_devices[i][0]);
-        }
-        die(EXIT_USAGE, "no device '%s': neither built in (%s) nor a readable file", name_or_path,
-            names + 1);
+    size_t bytes;
+    if (text != NULL) return copy_string(text);
+    if (access(name_or_path, R_OK) == 0) return read_file(name_or_path, &bytes);
+    char names[256] = "";
+    for (size_t i = 0; builtin_devices[i][0] != NULL; i++) {
+        size_t used = strlen(names);
+        snprintf(names + used, sizeof names - used, " %s", builtin_devices[i][0]);
     }
-    for (size_t i = 0; i < KEYS; i++) {
-        if (!r.seen[i])
-            die(EXIT_USAGE, "%s: the key '%s' is missing", name_or_path, keys[i].name + 2);
+    die(EXIT_USAGE, "no device '%s': neither built in (%s) nor a readable file", name_or_path,
+        names + 1);
+}
+
+char *device_text(const char *name_or_path) {
+    char *text = raw_text(name_or_path), other[128];
+    for (char *line = text; line != NULL; line = strchr(line, '\n')) {
+        line += *line == '\n' ? 1 : 0;
+        if (sscanf(line, "like %127s", other) != 1) continue;
+        char *base = device_text(other);
+        memset(line, ' ', strcspn(line, "\n")); /* what follows overrides it */
+        char *both = allocate(strlen(base) + strlen(text) + 2, 1);
+        sprintf(both, "%s\n%s", base, text);
+        free(base);
+        free(text);
+        return both;
     }
-    for (int i = 0; i < 3; i++) {
-        if (!(r.d.device.joint_min_rad[i] < r.d.device.joint_max_rad[i])) {
-            die(EXIT_USAGE, "%s: joint-min of axis %d is not below joint-max", name_or_path, i);
-        }
-    }
-    snprintf(r.d.name, sizeof r.d.name, "%s", name_or_path);
+    return text;
+}
+
+device_file device_read(const char *name, const char *text) {
+    reading r = {.d.device.drives = {.watchdog_s = 0.05f, .rate_hz = 1000}};
+    args_parse_text(name, text, keys, set_key, &r);
+    check(&r, name);
+    snprintf(r.d.name, sizeof r.d.name, "%s", name);
     return r.d;
+}
+
+device_file device_load(const char *name_or_path) {
+    char *text = device_text(name_or_path);
+    device_file d = device_read(name_or_path, text);
+    free(text);
+    return d;
+}
+
+void device_check_load(const device_file *d, char *text, size_t size) {
+    const palp_device *p = &d->device;
+    palp_bus_load load =
+        palp_bus_load_of(&p->drives, palp_axes(&p->kinematics), p->bit_rate_bps, p->data_rate_bps);
+    double percent = 100 * (double)load.load;
+    snprintf(text, size, "%.0f %% of the bus at worst: %.0f us of frames in each %.0f us", percent,
+             1e6 * (double)load.cycle_s, 1e6 / (double)p->drives.rate_hz);
+    if (load.load > 1.0f)
+        die(EXIT_WORK, "%s at %g Hz needs %s: lower --rate, or use more buses", d->name,
+            (double)p->drives.rate_hz, text);
+    if (load.load > PALP_BUS_LOAD_ADVISED)
+        warn("%s at %g Hz needs %s: more than %.0f %% leaves no room for retries", d->name,
+             (double)p->drives.rate_hz, text, 100 * (double)PALP_BUS_LOAD_ADVISED);
 }

@@ -1,40 +1,43 @@
 /* SPDX-License-Identifier: MIT */
-/* The virtual haptic device: an arm's tip as a mass with damping and friction, behind three
+/* The virtual haptic device: a mechanism's tip as a mass with damping and friction, behind
  * simulated drives. */
 #ifndef PALP_SIM_DEVICE_H
 #define PALP_SIM_DEVICE_H
 
-#include "core/device/canframe.h"
 #include "core/device/device.h"
+#include "sim/drive.h"
 
 /* A device file, read: what the controller knows and what only the simulation needs. */
 typedef struct {
     palp_device device;
-    double mass_kg, damping_Ns_per_m, friction_N;
+    double mass_kg, friction_N, weight_N;
     char name[64];
 } device_file;
 
 /* Reads `name_or_path`: a built-in description or a file. Exits 2 with the line named when it is
- * wrong. */
+ * wrong. The rate of its drives is 1000 Hz until the caller sets another. */
 device_file device_load(const char *name_or_path);
+/* The same from text; `name` is what messages call it. */
+device_file device_read(const char *name, const char *text);
+/* The text of a built-in description, or of a file, with what it is `like` written out. To be
+ * freed.
+ */
+char *device_text(const char *name_or_path);
 
-typedef struct {
-    uint32_t state; /* ODrive axis state */
-    bool torque_mode;
-    double torque_Nm; /* commanded */
-    double actual_Nm; /* after the current loop */
-    double since_command_s;
-    double turns, turns_per_s; /* encoder reading, and its rate as the drive estimates it */
-} sim_drive;
+/* The bus load at the device's rate, in a line; exits 1 above 100 %, warns above 70 %. */
+void device_check_load(const device_file *d, char *text, size_t size);
 
-#define SIM_FRAMES_OUT 8
+#define SIM_FRAMES_OUT (PALP_AXES * (SIM_DRIVE_QUEUE + 2))
 
 typedef struct {
     const device_file *file;
     double x_m[3], v_m_s[3];
-    double q_rad[PALP_AXES]; /* of the last inverse kinematics */
+    float q_rad[PALP_AXES]; /* of the last inverse kinematics */
     sim_drive drive[PALP_AXES];
-    double time_s, last_s, next_heartbeat_s;
+    uint32_t axes;
+    double time_s, last_s;
+    bool stuck;          /* the encoders stand still */
+    double offset_turns; /* added to the first one's reading */
 } sim_device;
 
 /* At rest with the tip at `x_m`, drives idle. */
@@ -47,11 +50,7 @@ void sim_device_receive(sim_device *d, const palp_can_frame *frame);
 void sim_device_move(sim_device *d, double dt_s, const double target_m[3], double hand_N_per_m,
                      double hand_Ns_per_m);
 
-/* Frames that the drives send at the end of a period: estimates, and heartbeats when due. Returns
- * how many. */
+/* Frames that the drives send at the end of a period. Returns how many. */
 uint32_t sim_device_transmit(sim_device *d, palp_can_frame frames[SIM_FRAMES_OUT]);
-
-/* Joint angles that put the tip at x; false when out of reach. */
-bool arm_inverse(const palp_arm *arm, const double x_m[3], double q_rad[PALP_AXES]);
 
 #endif

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 #include "hand.h"
 #include "tools/util.h"
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define TREMOR_M 6e-5
 
 /* z = 0 is where the tool just touches; +z points away from the body. */
 static const char touch_script[] = "0.0  0      0      0.020\n"
@@ -56,7 +59,8 @@ hand hand_load(const char *name_or_path) {
     return h;
 }
 
-void hand_target(const hand *h, double time_s, double x_m[3]) {
+/* Minimum jerk between keys. */
+static void script_target(const hand *h, double time_s, double x_m[3]) {
     uint32_t i = 0;
     while (i + 1 < h->count && h->key[i + 1].time_s <= time_s) i++;
     const hand_key *a = &h->key[i];
@@ -66,4 +70,10 @@ void hand_target(const hand *h, double time_s, double x_m[3]) {
     double s = (time_s - a->time_s) / (b->time_s - a->time_s);
     double blend = s * s * s * (10 + s * (6 * s - 15));
     for (int k = 0; k < 3; k++) x_m[k] += blend * (b->x_m[k] - a->x_m[k]);
+}
+
+void hand_target(const hand *h, double time_s, double x_m[3]) {
+    static const double rad_s[3] = {51, 59, 67};
+    script_target(h, time_s, x_m);
+    for (int k = 0; k < 3; k++) x_m[k] += TREMOR_M * sin(rad_s[k] * time_s);
 }

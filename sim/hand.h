@@ -22,8 +22,8 @@ typedef struct {
  */
 hand hand_load(const char *name_or_path);
 
-/* Where the hand wants the tip at `time_s`; before the first and after the last key it holds still.
- */
+/* Where the hand wants the tip at `time_s`; before the first and after the last key it holds as
+ * still as a hand can: with a tremor of 0.06 mm at 8 to 11 Hz. */
 void hand_target(const hand *h, double time_s, double x_m[3]);
 
 #endif

@@ -51,7 +51,7 @@ float smallest_energy_margin(const run_record *r) {
 }
 
 const char *report_state(palp_state state) {
-    static const char *const names[] = {"INIT", "ENABLING", "RUN", "FAULT"};
+    static const char *const names[] = {PALP_STATE_NAMES};
     return names[state];
 }
 
@@ -149,6 +149,15 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
          " dropped by the kernel",
          c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent,
          r->frames_lost, r->frames_dropped);
+    LINE("bus", "%s", r->bus_load);
+    LINE("guards",
+         "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
+         " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
+         " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
+         c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
+         c->bus_warnings, c->overflows, c->resets);
+    LINE("loop", "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
+         r->minor_faults, r->unrecorded);
     LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
          c->limited);
     LINE("energy", "absorbed from the hand %.4g J at the end, smallest margin %.3g J",

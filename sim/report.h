@@ -13,11 +13,13 @@ typedef struct {
     palp_counters counters;
     uint64_t frames_sent, frames_lost; /* refused by the bus */
     uint64_t frames_dropped;           /* by the kernel's receive queue */
+    uint64_t unrecorded;               /* ticks that found the ring to the log full */
+    uint64_t minor_faults;             /* of the loop after its start */
     double rate_hz;
     /* The instant of the largest force, for the picture. */
     float *displacement_m; /* [nodes][3] */
     float tool_m[3], tool_radius_m;
-    const char *blob_name, *device_name, *bus_name;
+    const char *blob_name, *device_name, *bus_name, *bus_load;
     const palp_blob *blob;
 } run_record;
 

@@ -29,6 +29,7 @@ void args_parse(int argc, char **argv, const option *table, const char *help,
         if (o == NULL) die(EXIT_USAGE, "unknown option %s (--help lists the options)", argv[i]);
         if (i + o->values >= argc) die(EXIT_USAGE, "%s needs %d value(s)", o->name, o->values);
         a.option = o->name;
+        a.count = o->values;
         for (int k = 0; k < o->values; k++) a.value[k] = argv[i + 1 + k];
         i += o->values;
         handle(context, &a);
@@ -50,9 +51,11 @@ static void parse_line(const char *path, size_t number, char *line, const option
     snprintf(where, sizeof where, "%s:%zu: %s", path, number, word[0]);
     const option *o = find_option(table, name);
     if (o == NULL) die(EXIT_USAGE, "%s:%zu: unknown key '%s'", path, number, word[0]);
-    if (words - 1 != o->values) die(EXIT_USAGE, "%s needs %d value(s)", where, o->values);
-    argument a = {.option = o->name, .where = copy_string(where)};
-    for (int k = 0; k < o->values; k++) a.value[k] = copy_string(word[k + 1]);
+    int count = words - 1, most = abs(o->values);
+    if (count > most || count < (o->values < 0 ? 1 : most))
+        die(EXIT_USAGE, "%s needs %d value(s)", where, most);
+    argument a = {.option = o->name, .where = copy_string(where), .count = count};
+    for (int k = 0; k < count; k++) a.value[k] = copy_string(word[k + 1]);
     handle(context, &a);
 }
 
@@ -114,5 +117,10 @@ int arg_word(const argument *a, const char *const *words) {
     for (int i = 0; words[i] != NULL; i++) {
         if (strcmp(a->value[0], words[i]) == 0) return i;
     }
-    die(EXIT_USAGE, "%s: '%s' is not one of the values that --help lists", a->where, a->value[0]);
+    char list[256] = "";
+    for (int i = 0; words[i] != NULL; i++) {
+        size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s", i > 0 ? ", " : "", words[i]);
+    }
+    die(EXIT_USAGE, "%s: '%s' is not one of: %s", a->where, a->value[0], list);
 }

@@ -9,13 +9,14 @@
 
 typedef struct {
     const char *name; /* "--young" */
-    int values;       /* how many words follow */
+    int values;       /* how many words follow; -n: in key files, from 1 to n */
 } option;
 
 /* What each word was: option is NULL for a positional word, which is then value[0]. */
 typedef struct {
     const char *option;
     const char *value[MAX_OPTION_VALUES];
+    int count;         /* of values */
     const char *where; /* for messages: "--young", or "file:line: young" */
 } argument;
 

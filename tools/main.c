@@ -18,6 +18,7 @@ static const struct {
     {"reproduce", command_reproduce, "the paper's tables and figures from our own models"},
     {"pack", command_pack, "quantise and entropy-code a blob for transport"},
     {"unpack", command_unpack, "a packed blob back into a blob"},
+    {"replay", command_replay, "re-run a recorded session bit for bit"},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])
 

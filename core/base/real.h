@@ -62,4 +62,7 @@ static inline bool palp_vec3_is_finite(palp_vec3 a) {
  */
 void palp_sincos(float angle_rad, float *sine, float *cosine);
 
+/* Angle of the point (x, y) in rad, -pi..pi; 0 for the origin. Error below 3e-7. */
+float palp_atan2(float y, float x);
+
 #endif

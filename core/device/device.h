@@ -5,17 +5,46 @@
 
 #include "core/device/kinematics.h"
 
+/*
+ * Torques that the mechanism itself asks for, added to those of the touch: the weight of the moving
+ * parts, as it feels at the tip, and a share of each joint's friction in the direction of motion.
+ * An integrator's own model comes in through the feed-forward of a tick.
+ */
 typedef struct {
-    palp_arm arm;
+    palp_vec3 lift_N; /* force at the tip that holds it up */
+    float coulomb_Nm[PALP_AXES],
+        viscous_Nms[PALP_AXES]; /* at the joints; less than the true ones */
+} palp_compensation;
+
+typedef struct {
+    palp_kinematics kinematics;
+    palp_drive_config drives;
     uint8_t node_id[PALP_AXES]; /* drive of each joint */
     float gear[PALP_AXES];      /* motor revolutions per joint revolution, sign = direction */
-    float counts_per_rev;       /* encoder, per motor revolution */
     float joint_min_rad[PALP_AXES], joint_max_rad[PALP_AXES];
-    float motor_torque_max_Nm;
     float force_max_N, slew_max_N_per_s, speed_max_m_s;
     float workspace_radius_m, tool_radius_m;
-    float stiffness_max_N_per_m, damping_max_Ns_per_m; /* what the virtual coupling is set to */
-    float bit_rate_bps;
+    float stiffness_max_N_per_m, damping_max_Ns_per_m; /* most that the device renders well */
+    float damping_Ns_per_m;                            /* of the mechanism itself, at the tip */
+    palp_compensation compensation;
+    float bit_rate_bps, data_rate_bps;
 } palp_device;
+
+/* Whether everything is positive where it must be, within range, and goes together. */
+bool palp_device_is_sound(const palp_device *device);
+
+/*
+ * The virtual coupling's stiffness: the device's own limit, or less where the rate and the delay of
+ * the loop ask for it, K <= (b + B) / (T / 2 + t_d), with b the mechanism's damping, B the
+ * coupling's, t_d the age of estimates and the time of the frames on the bus (N/m).
+ */
+float palp_device_coupling(const palp_device *device);
+
+/* How fast a joint can turn when the tip moves at its limit, with room to spare (rad/s). */
+float palp_device_joint_speed(const palp_device *device);
+
+/* Joint torques of the compensation at a pose and joint velocities. */
+void palp_device_compensate(const palp_device *device, const palp_pose *pose,
+                            const float dq_rad_s[PALP_AXES], float torque_Nm[PALP_AXES]);
 
 #endif

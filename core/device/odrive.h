@@ -7,7 +7,6 @@
 #define PALP_DEVICE_ODRIVE_H
 
 #include "core/device/canframe.h"
-#include <stdbool.h>
 
 typedef enum {
     PALP_ODRIVE_HEARTBEAT = 0x01,

@@ -9,32 +9,58 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
     return palp_scale(limit / length, v);
 }
 
-palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
-                                     const palp_arm_pose *pose, palp_vec3 wanted_N, float dt_s) {
-    palp_output_result r = {0};
-    float torque[PALP_AXES];
-    if (!palp_vec3_is_finite(wanted_N) || !palp_is_finite(palp_norm(wanted_N))) {
-        output->last_N = (palp_vec3){0};
-        r.bad = true;
-        return r;
-    }
-    palp_vec3 force = shorten(wanted_N, device->force_max_N, &r.limited);
-    palp_vec3 change =
-        shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
-    force = palp_add(output->last_N, change);
-    palp_arm_torques(pose, force, torque);
-    float worst = 1.0f; /* all axes shrink together, so that the direction stays */
-    for (uint32_t i = 0; i < PALP_AXES; i++) {
+static bool demand_is_finite(const palp_output_demand *d) {
+    bool good = palp_vec3_is_finite(d->force_N) && palp_is_finite(palp_norm(d->force_N)) &&
+                palp_vec3_is_finite(d->velocity_m_s) && palp_is_finite(d->stored_J);
+    for (uint32_t i = 0; i < PALP_AXES; i++)
+        good = good && palp_is_finite(d->dq_rad_s[i]) && palp_is_finite(d->feedforward_Nm[i]);
+    return good;
+}
+
+/*
+ * Motor torques for the force and the compensation, within the motors' limit. When they do not fit,
+ * the force shrinks, all axes together, so that its direction stays; returns its share.
+ */
+static float motor_torques(const palp_device *device, const palp_pose *pose, palp_vec3 force,
+                           const palp_output_demand *demand, float *motor) {
+    float torque[PALP_AXES], extra[PALP_AXES], share = 1.0f;
+    float limit = device->drives.torque_max_Nm;
+    palp_pose_torques(pose, force, torque);
+    palp_device_compensate(device, pose, demand->dq_rad_s, extra);
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
         torque[i] /= device->gear[i];
-        worst = palp_max(worst, palp_abs(torque[i]) / device->motor_torque_max_Nm);
+        extra[i] =
+            palp_clamp(extra[i] / device->gear[i] + demand->feedforward_Nm[i], -limit, limit);
+        float room = torque[i] > 0.0f ? limit - extra[i] : limit + extra[i];
+        if (palp_abs(torque[i]) > room) share = palp_min(share, room / palp_abs(torque[i]));
     }
-    if (worst > 1.0f) r.limited = true;
-    for (uint32_t i = 0; i < PALP_AXES; i++) {
-        r.motor_torque_Nm[i] = torque[i] / worst;
-        r.bad = r.bad || !palp_is_finite(r.motor_torque_Nm[i]);
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
+        motor[i] = palp_clamp(share * torque[i] + extra[i], -limit, limit);
+    return share;
+}
+
+palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
+                                     const palp_passivity_config *passive, const palp_pose *pose,
+                                     const palp_output_demand *demand, float dt_s) {
+    palp_output_result r = {.bad = !demand_is_finite(demand)};
+    if (!r.bad) {
+        palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
+        if (passive != NULL)
+            force = palp_passivity_limit(&output->passivity, passive, force, demand->velocity_m_s,
+                                         demand->stored_J, &r.braked);
+        force = shorten(force, device->force_max_N, &r.limited);
+        palp_vec3 change =
+            shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
+        force = palp_add(output->last_N, change);
+        float share = motor_torques(device, pose, force, demand, r.motor_torque_Nm);
+        if (share < 1.0f) r.limited = true;
+        r.force_N = palp_scale(share, force);
+        for (uint32_t i = 0; i < PALP_AXES; i++)
+            r.bad = r.bad || !palp_is_finite(r.motor_torque_Nm[i]);
+        r.bad = r.bad || !palp_vec3_is_finite(r.force_N);
     }
-    r.force_N = palp_scale(1.0f / worst, force);
     if (r.bad) r = (palp_output_result){.bad = true};
     output->last_N = r.force_N;
+    palp_passivity_sent(&output->passivity, r.force_N);
     return r;
 }

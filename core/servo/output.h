@@ -1,25 +1,38 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The output chain: finite -> norm limit -> slew limit -> joint torques -> per-axis limit ->
- * finite. Whatever comes in, what goes out is finite and within the device's limits.
+ * The output chain: finite -> norm limit -> energy limit (passivity.h) -> norm limit -> slew limit
+ * -> joint torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes
+ * in, what goes out is finite and within the device's limits.
  */
 #ifndef PALP_SERVO_OUTPUT_H
 #define PALP_SERVO_OUTPUT_H
 
 #include "core/device/device.h"
-#include <stdbool.h>
+#include "core/servo/passivity.h"
 
 typedef struct {
     palp_vec3 last_N; /* force of the previous tick */
+    palp_passivity passivity;
 } palp_output;
 
 typedef struct {
-    palp_vec3 force_N; /* at the tip, after all limits */
+    palp_vec3 force_N;               /* wanted at the tip */
+    float stored_J;                  /* in what makes it */
+    palp_vec3 velocity_m_s;          /* of the tip */
+    float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
+    float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
+} palp_output_demand;
+
+typedef struct {
+    palp_vec3 force_N; /* at the tip, after all limits, without compensation */
     float motor_torque_Nm[PALP_AXES];
-    bool limited, slewed, bad; /* bad: something was not finite; force and torques are zero */
+    bool limited, slewed, braked;
+    bool bad; /* something was not finite; force and torques are zero */
 } palp_output_result;
 
+/* `passive` NULL: without the energy limit. */
 palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
-                                     const palp_arm_pose *pose, palp_vec3 wanted_N, float dt_s);
+                                     const palp_passivity_config *passive, const palp_pose *pose,
+                                     const palp_output_demand *demand, float dt_s);
 
 #endif

@@ -3,15 +3,17 @@
  * One servo tick, straight through: frames -> joint angles -> tool pose -> contact set -> contact
  * forces -> force -> limits -> joint torques -> frames.
  *
- * The tick does not fail. It clamps, counts and reports; faults latch and take the force to zero.
+ * The tick does not fail. It clamps, counts and reports; faults latch and take the force to zero
+ * (safety.h). All that it depends on comes in through palp_tick_input and the port's clock, so that
+ * whoever records both can repeat it bit for bit.
  */
 #ifndef PALP_SERVO_SERVO_H
 #define PALP_SERVO_SERVO_H
 
-#include "core/device/canframe.h"
 #include "core/green/field.h"
 #include "core/servo/bounded.h"
 #include "core/servo/output.h"
+#include "core/servo/safety.h"
 
 /* Where the body is felt: x_model = origin + scale R x_device, R row-major and orthonormal. */
 typedef struct {
@@ -21,48 +23,23 @@ typedef struct {
 } palp_placement;
 
 typedef struct {
-    palp_device device;
+    palp_device device; /* its drives.rate_hz is the rate of the ticks */
     palp_placement placement;
     palp_contact_limits limits;
     palp_cost_table cost;
     palp_port port;
-    float rate_hz;
     palp_tool tool; /* in the model */
+    bool resume;    /* leave DAMPING without a reset when all is well again */
+    bool unguarded; /* without the passivity controller: for studies of what it does */
 } palp_servo_config;
 
-typedef enum {
-    PALP_STATE_INIT,     /* waiting for the drives' heartbeats; no torque */
-    PALP_STATE_ENABLING, /* closing the drives' loops; no torque */
-    PALP_STATE_RUN,
-    PALP_STATE_FAULT /* latched; zero torque, drives sent to idle */
-} palp_state;
-
-#define PALP_FAULT_DRIVE 1u      /* a drive reports an error or left its loop */
-#define PALP_FAULT_LOST 2u       /* no encoder value for PALP_LOST_S */
-#define PALP_FAULT_INPUT 4u      /* several implausible encoder values in a row */
-#define PALP_FAULT_OUTPUT 8u     /* a force or torque was not finite */
-#define PALP_FAULT_HEARTBEAT 16u /* heartbeat missing */
-#define PALP_FAULT_BUS 32u       /* bus-off or dead link, reported by the port */
-#define PALP_FAULT_NAMES                                                                           \
-    "drive lost-encoder bad-input bad-output heartbeat bus" /* in the order of the bits */
-
-#define PALP_LATE_S 0.004f /* encoder age at which the force starts to fade */
-#define PALP_LOST_S 0.024f /* age at which the fault latches; the force is zero by then */
-#define PALP_HEARTBEAT_S 0.25f
-#define PALP_SETTLE_S                                                                              \
-    0.02f /* drives get this long to act on the enable sequence before they are believed */
-#define PALP_RAMP_S 0.2f /* from enable to full force */
-#define PALP_BAD_IN_A_ROW 3u
-#define PALP_SERVO_FRAMES_OUT 12u
-
-/* Totals since the start; they never go down. */
 typedef struct {
-    uint64_t ticks, accepted, rejected, repeated, late, implausible;
-    uint64_t shortened; /* ticks that did less than the limits allow because time ran out */
-    uint64_t limited, overruns;
-    uint64_t dropped, climbed; /* changes of the constraint level */
-    uint64_t skipped;          /* periods in which the caller did not tick */
-} palp_counters;
+    const palp_can_frame *frames; /* received since the last tick, oldest first */
+    uint32_t count;
+    uint32_t skipped; /* whole periods that the caller let pass without a tick before this one */
+    uint32_t events;  /* PALP_EVENT_ bits */
+    float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own compensation */
+} palp_tick_input;
 
 typedef struct {
     uint64_t tick;
@@ -72,7 +49,7 @@ typedef struct {
     uint32_t aborted;      /* rungs of the ladder given up in this tick */
     uint32_t contact_flags, pivots, candidates, active, admitted, deferred;
     float bound_ns, elapsed_ns;
-    float joint_rad[PALP_AXES];
+    float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES];
     palp_vec3 tip_m, tip_velocity_m_s; /* device */
     palp_vec3 tool_m;                  /* model */
     palp_vec3 force_N;                 /* at the tip, as sent */
@@ -80,7 +57,7 @@ typedef struct {
     float stored_J;    /* contact and coupling, in device units */
     float absorbed_J;  /* net energy that the hand has put in since RUN */
     float unsettled_m; /* last move of the tool in its settling (model) */
-    bool shortened, slipping;
+    bool shortened, slipping, braked;
 } palp_report;
 
 typedef struct palp_servo palp_servo;
@@ -98,21 +75,11 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             float *bound_ns);
 
 /*
- * Before a tick that comes `periods` periods late: everything ages by them, so that what was not
- * heard meanwhile fades the force and faults as it would have. Counted.
+ * One tick: writes at most PALP_SERVO_FRAMES_OUT frames to `out`, returns how many. Cost at most
+ * the bound that open checked, for up to 64 frames in.
  */
-void palp_servo_skip(palp_servo *servo, uint32_t periods);
-
-/* Latches PALP_FAULT_BUS: the port has seen bus-off or lost the link. The next tick sends zero
- * torque. */
-void palp_servo_bus_failed(palp_servo *servo);
-
-/*
- * One tick: takes the frames received since the last one, writes at most PALP_SERVO_FRAMES_OUT
- * frames to `out`, returns how many. Cost at most the bound that open checked.
- */
-uint32_t palp_servo_tick(palp_servo *servo, const palp_can_frame *in, uint32_t in_count,
-                         palp_can_frame *out, palp_report *report);
+uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,
+                         palp_report *report);
 
 /*
  * Work for the time left after the frames are sent: prepares and takes over a finer constraint

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT */
-/* The controller daemon: a blob, a device, a bus, and the servo tick between them. */
+/* The controller daemon: opens a blob, a device and a bus, starts the real-time loop, and looks
+ * after what it publishes: log, report, telemetry. */
 #include "calibrate.h"
-#include "candump.h"
+#include "core/base/crc32c.h"
 #include "core/palp.h"
+#include "loop.h"
 #include "realtime.h"
-#include "sim/device.h"
-#include "sim/hand.h"
 #include "sim/placement.h"
 #include "sim/report.h"
 #include "sim/view.h"
-#include "socketcan.h"
+#include "telemetry.h"
 #include "tools/args.h"
 #include "tools/commands.h"
 #include "tools/util.h"
@@ -18,6 +18,7 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 static const char help[] =
     "usage: palpd BLOB --bus can0|vcan0|loop --device NAME|FILE [OPTIONS]\n"
@@ -27,161 +28,138 @@ static const char help[] =
     "\n"
     "  --bus NAME          a SocketCAN interface, or 'loop': device and hand simulated in this "
     "process\n"
-    "  --device NAME|FILE  arm3, desk3, or a device file\n"
+    "  --device NAME|FILE  arm3, desk3, pantograph, delta3, arm3-cia402, -moteus, -mit, -palp, or "
+    "a "
+    "file\n"
     "  --rate HZ           default 1000\n"
     "  --seconds S         default 10; 0 runs until interrupted\n"
-    "  --hand SCRIPT       with loop: 'touch' (default) or a file of lines t x y z\n"
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
     "  --friction MU       Coulomb friction of the tool, 0 to 10 (default 0)\n"
-    "  --no-wait           with loop: do not wait for the clock between ticks\n"
+    "  --resume            leave DAMPING without an operator when all is well again\n"
+    "  --log FILE          everything that enters and leaves each tick, in candump format\n"
+    "  --report FILE.html  a page with force, latency and energy\n"
+    "  --view FILE.svg     the body at the largest force\n"
+    "  --dds               publish pose, joints and force over DDS, 100 times a second\n"
+    "\n"
     "  --cpu N             run on this processor\n"
     "  --priority P        SCHED_FIFO priority\n"
     "  --strict-rt         refuse to run without real-time guarantees\n"
-    "  --log FILE          all frames, in candump format\n"
-    "  --report FILE.html  a page with force, latency and energy\n"
-    "  --view FILE.svg     the body at the largest force\n"
     "\n"
-    "Exit 0 only when the run reached its working state and no fault is latched.\n";
+    "with --bus loop:\n"
+    "  --hand SCRIPT       'touch' (default) or a file of lines t x y z\n"
+    "  --no-wait           do not wait for the clock between ticks\n"
+    "  --fault LIST        KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "
+    "nan "
+    "drive\n"
+    "                      busoff enobufs down overrun, at T s for D s (0.01), V as in "
+    "sim/README.md\n"
+    "  --seed N            of what is random in them\n"
+    "\n"
+    "  --lockstep          take turns with the device and do not look at the clock: for "
+    "comparisons\n"
+    "\n"
+    "SIGUSR1 is the operator's reset, SIGUSR2 the stop. Exit 0 only when the run reached its "
+    "working "
+    "state and\nno fault is latched.\n";
 
 static const option options[] = {
-    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1},
-    {"--hand", 1},   {"--touch", 1},    {"--friction", 1},  {"--no-wait", 0},
-    {"--cpu", 1},    {"--priority", 1}, {"--strict-rt", 0}, {"--log", 1},
-    {"--report", 1}, {"--view", 1},     {"--dds", 0},       {NULL, 0}};
+    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1},  {"--hand", 1},
+    {"--touch", 1},  {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},      {"--priority", 1},
+    {"--log", 1},    {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},     {"--dds", 0},
+    {"--resume", 0}, {"--fault", 1},    {"--seed", 1},      {"--lockstep", 0}, {NULL, 0}};
 
-#define MAX_FRAMES 64
 #define MAX_RECORDED 2000000u
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
+#define RING_SLOTS 2048u
+#define LOOK_NS 2000000 /* between looks at the ring */
+#define DDS_HZ 100.0
+#define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
 
 typedef struct {
-    const char *blob, *bus, *device, *hand, *log, *report, *view;
-    double rate_hz, seconds;
-    uint32_t touch;
-    double friction;
-    int cpu, priority;
-    bool no_wait, strict;
+    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault;
+    double rate_hz, seconds, friction;
+    uint32_t touch, seed;
+    realtime_spec realtime;
+    bool no_wait, resume, lockstep, dds;
 } daemon_spec;
 
 static volatile sig_atomic_t interrupted;
+static servo_loop *running; /* for signals: the operator's buttons */
+
 static void on_interrupt(int number) {
     (void)number;
     interrupted = 1;
 }
 
+static void on_operator(int number) {
+    uint32_t event = number == SIGUSR1 ? PALP_EVENT_RESET : PALP_EVENT_ESTOP;
+    if (running != NULL) atomic_fetch_or(&running->operator_events, event);
+}
+
 static void set_option(void *context, const argument *a) {
     daemon_spec *s = context;
     const char *o = a->option;
+    const struct {
+        const char *name;
+        const char **value;
+    } text[] = {{"--bus", &s->bus},    {"--device", &s->device}, {"--hand", &s->hand},
+                {"--log", &s->log},    {"--report", &s->report}, {"--view", &s->view},
+                {"--fault", &s->fault}};
+    const struct {
+        const char *name;
+        bool *value;
+    } flag[] = {{"--no-wait", &s->no_wait},
+                {"--strict-rt", &s->realtime.strict},
+                {"--resume", &s->resume},
+                {"--lockstep", &s->lockstep},
+                {"--dds", &s->dds}};
     if (o == NULL) {
         if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
         s->blob = a->value[0];
-    } else if (strcmp(o, "--bus") == 0) {
-        s->bus = a->value[0];
-    } else if (strcmp(o, "--device") == 0) {
-        s->device = a->value[0];
-    } else if (strcmp(o, "--rate") == 0) {
-        s->rate_hz = arg_between(a, 49.9, 20000.1);
-    } else if (strcmp(o, "--seconds") == 0) {
-        s->seconds = arg_between(a, -1e-9, 1e7);
-    } else if (strcmp(o, "--hand") == 0) {
-        s->hand = a->value[0];
-    } else if (strcmp(o, "--friction") == 0) {
-        s->friction = arg_double(a, 0);
-        if (!(s->friction >= 0 && s->friction <= 10))
-            die(EXIT_USAGE, "%s: %s is out of range: need 0 to 10", a->where, a->value[0]);
-    } else if (strcmp(o, "--touch") == 0) {
-        s->touch = arg_u32(a, 0, 0, PALP_MAX_NODES);
-    } else if (strcmp(o, "--no-wait") == 0) {
-        s->no_wait = true;
-    } else if (strcmp(o, "--cpu") == 0) {
-        s->cpu = (int)arg_u32(a, 0, 0, 1023);
-    } else if (strcmp(o, "--priority") == 0) {
-        s->priority = (int)arg_u32(a, 0, 1, 98);
-    } else if (strcmp(o, "--strict-rt") == 0) {
-        s->strict = true;
-    } else if (strcmp(o, "--log") == 0) {
-        s->log = a->value[0];
-    } else if (strcmp(o, "--report") == 0) {
-        s->report = a->value[0];
-    } else if (strcmp(o, "--view") == 0) {
-        s->view = a->value[0];
-    } else if (strcmp(o, "--dds") == 0) {
-        die(EXIT_USAGE, "--dds: this build has no DDS telemetry");
+        return;
     }
+    for (size_t i = 0; i < sizeof text / sizeof text[0]; i++)
+        if (strcmp(text[i].name, o) == 0) *text[i].value = a->value[0];
+    for (size_t i = 0; i < sizeof flag / sizeof flag[0]; i++)
+        if (strcmp(flag[i].name, o) == 0) *flag[i].value = true;
+    if (strcmp(o, "--rate") == 0) s->rate_hz = arg_between(a, 49.9, 20000.1);
+    if (strcmp(o, "--seconds") == 0) s->seconds = arg_between(a, -1e-9, 1e7);
+    if (strcmp(o, "--touch") == 0) s->touch = arg_u32(a, 0, 0, PALP_MAX_NODES);
+    if (strcmp(o, "--seed") == 0) s->seed = arg_u32(a, 0, 0, UINT32_MAX);
+    if (strcmp(o, "--cpu") == 0) s->realtime.cpu = (int)arg_u32(a, 0, 0, 1023);
+    if (strcmp(o, "--priority") == 0) s->realtime.priority = (int)arg_u32(a, 0, 1, 98);
+    if (strcmp(o, "--friction") != 0) return;
+    s->friction = arg_double(a, 0);
+    if (!(s->friction >= 0 && s->friction <= 10))
+        die(EXIT_USAGE, "%s: %s is out of range: need 0 to 10", a->where, a->value[0]);
 }
 
-/* One end of a bus: either SocketCAN or the simulated device in this process. */
-typedef struct {
-    bool loop;
-    int fd;
-    sim_device device;
-    hand script;
-    uint64_t sent, lost;
-    can_health health;
-} bus;
-
-static bus bus_open(const daemon_spec *s, const device_file *file) {
-    bus b = {.loop = strcmp(s->bus, "loop") == 0, .fd = -1};
-    if (!b.loop) {
-        uint32_t ids[PALP_AXES];
-        for (uint32_t i = 0; i < PALP_AXES; i++) ids[i] = (uint32_t)file->device.node_id[i] << 5;
-        b.fd = can_open(s->bus, ids, PALP_AXES, 0x7e0u);
-        return b;
-    }
-    double start[3];
-    b.script = hand_load(s->hand);
-    hand_target(&b.script, 0, start);
-    sim_device_init(&b.device, file, start);
-    return b;
-}
-
-static uint32_t bus_receive(bus *b, double time_s, double dt_s, palp_can_frame *frames) {
-    if (!b->loop) return can_receive(b->fd, frames, MAX_FRAMES, &b->health);
-    double target[3];
-    hand_target(&b->script, time_s, target);
-    sim_device_move(&b->device, dt_s, target, b->script.stiffness_N_per_m,
-                    b->script.damping_Ns_per_m);
-    return sim_device_transmit(&b->device, frames);
-}
-
-static void bus_send(bus *b, const palp_can_frame *frame) {
-    b->sent++;
-    if (b->loop) {
-        sim_device_receive(&b->device, frame);
-    } else if (!can_send(b->fd, frame)) {
-        b->lost++;
-        b->health.failed = true; /* what is queued would act late: fault, never send again */
-    }
-}
-
-/* Torques to zero and drives to idle, whatever the state was. */
-static void stop_drives(bus *b, const palp_device *device) {
-    for (uint32_t i = 0; i < PALP_AXES; i++) {
-        palp_odrive_message zero = {.node = device->node_id[i],
-                                    .command = PALP_ODRIVE_SET_INPUT_TORQUE};
-        palp_odrive_message idle = {.node = device->node_id[i],
-                                    .command = PALP_ODRIVE_SET_AXIS_STATE,
-                                    .state = PALP_ODRIVE_IDLE};
-        palp_can_frame frame = palp_odrive_encode(&zero);
-        bus_send(b, &frame);
-        frame = palp_odrive_encode(&idle);
-        bus_send(b, &frame);
-    }
+static void check_options(const daemon_spec *s) {
+    if (s->blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
+    if (s->bus == NULL) die(EXIT_USAGE, "no bus: add --bus INTERFACE or --bus loop");
+    if (s->device == NULL) die(EXIT_USAGE, "no device: add --device NAME|FILE");
+    bool loop = strcmp(s->bus, "loop") == 0;
+    if (s->no_wait && !loop) die(EXIT_USAGE, "--no-wait goes with --bus loop only");
+    if (s->fault != NULL && !loop)
+        die(EXIT_USAGE, "--fault goes with --bus loop; on another bus give it to palp-sim");
+    if (s->lockstep && s->seconds <= 0) die(EXIT_USAGE, "--lockstep needs an end: add --seconds S");
 }
 
 /* The contacts at the largest force so far, kept for the picture. */
 typedef struct {
-    palp_load *load;
+    palp_load load[RECORD_LOADS];
     uint32_t count;
     float force_N;
     palp_vec3 tool_m;
 } peak;
 
-static void keep_peak(peak *p, const palp_servo *servo, const palp_report *r) {
-    float force = palp_norm(r->force_N);
+static void keep_peak(peak *p, const tick_record *t) {
+    float force = palp_norm(t->report.force_N);
     if (force <= p->force_N) return;
     p->force_N = force;
-    p->tool_m = r->tool_m;
-    p->count = palp_servo_loads(servo, p->load);
+    p->tool_m = t->report.tool_m;
+    p->count = t->load_count;
+    memcpy(p->load, t->load, t->load_count * sizeof t->load[0]);
 }
 
 static float *peak_displacement(const palp_blob *blob, const peak *p) {
@@ -208,103 +186,89 @@ static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *co
     float bound_ns = 0;
     palp_status status = palp_servo_open(&servo, blob, config, memory, bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET) {
-        float have = config->cost.margin * 1e6f / config->rate_hz;
+        float have = config->cost.margin * 1e6f / config->device.drives.rate_hz;
         die(EXIT_WORK,
             "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz "
             "leave: lower --rate",
             (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - (double)have, (double)have,
-            (double)config->rate_hz);
+            (double)config->device.drives.rate_hz);
     }
     if (status != PALP_OK) die(EXIT_WORK, "cannot open the servo: %s", palp_status_text(status));
     return servo;
 }
 
+/* Everything that is not real time: it follows the loop through its ring. */
 typedef struct {
     const daemon_spec *spec;
-    palp_servo *servo;
-    bus *bus;
+    servo_loop *loop;
+    const palp_device *device;
     FILE *log;
+    telemetry *telemetry;
     peak peak;
     run_record record;
     size_t capacity;
-    const palp_device *device;
+    uint64_t digest, dropped, dds_dropped;
+    palp_counters counters;
     palp_state last_state;
     bool state_shown;
-} session;
-
-static void log_frames(const session *s, double time_s, const palp_can_frame *frames,
-                       uint32_t count) {
-    const char *name = s->bus->loop ? "loop" : s->spec->bus;
-    for (uint32_t i = 0; s->log != NULL && i < count; i++)
-        candump_line(s->log, time_s, name, &frames[i]);
-}
+} follower;
 
 /* Says at once when the state changes, so that nobody waits for a device that is not there. */
-static void announce(session *s, const palp_report *r) {
-    if (s->state_shown && r->state == s->last_state) return;
-    s->state_shown = true;
-    s->last_state = r->state;
+static void announce(follower *f, const palp_report *r) {
+    if (f->state_shown && r->state == f->last_state) return;
+    f->state_shown = true;
+    f->last_state = r->state;
     char faults[128];
     report_faults(r->faults, faults, sizeof faults);
-    if (s->bus->loop && r->state != PALP_STATE_FAULT) return;
+    bool quiet = f->loop->in_memory || f->spec->lockstep;
+    if (quiet && r->state < PALP_STATE_DAMPING) return;
     if (r->state == PALP_STATE_INIT) {
-        warn("waiting for heartbeats of nodes %d %d %d on %s", s->device->node_id[0],
-             s->device->node_id[1], s->device->node_id[2], s->spec->bus);
+        warn("waiting for heartbeats of nodes %d %d %d on %s", f->device->node_id[0],
+             f->device->node_id[1], f->device->node_id[2], f->spec->bus);
     } else {
         warn("%s%s%s", report_state(r->state), r->faults != 0 ? ": " : "", faults);
     }
 }
 
-static void run_tick(session *s, uint64_t tick, float late_us) {
-    palp_can_frame in[MAX_FRAMES], out[PALP_SERVO_FRAMES_OUT];
-    palp_report report;
-    double dt = 1 / s->spec->rate_hz;
-    double time_s = (double)tick * dt;
-    uint32_t n_in = bus_receive(s->bus, time_s, dt, in);
-    if (s->bus->health.failed) palp_servo_bus_failed(s->servo);
-    uint32_t n_out = palp_servo_tick(s->servo, in, n_in, out, &report);
-    for (uint32_t i = 0; i < n_out; i++) bus_send(s->bus, &out[i]);
-    palp_servo_spare(s->servo);
-    keep_peak(&s->peak, s->servo, &report);
-    log_frames(s, time_s, in, n_in);
-    log_frames(s, time_s, out, n_out);
-    size_t at = report.tick % s->capacity; /* a longer run keeps its last ticks */
-    s->record.tick[at] = report;
-    if (s->record.late_us != NULL) s->record.late_us[at] = late_us;
-    s->record.count = report.tick < s->capacity ? (size_t)report.tick + 1 : s->capacity;
-    announce(s, &report);
+static void follow_tick(follower *f, const tick_record *t) {
+    const palp_report *r = &t->report;
+    uint64_t dropped = atomic_load(&f->loop->ring.dropped);
+    if (f->log != NULL) {
+        if (f->loop->paced && dropped != f->dropped)
+            record_write_gap(f->log, t->time_s, dropped - f->dropped);
+        record_write_tick(f->log, f->loop->in_memory ? "loop" : f->spec->bus, t);
+    }
+    f->dropped = dropped;
+    f->digest = t->digest;
+    f->counters = t->counters;
+    keep_peak(&f->peak, t);
+    size_t at = f->record.count % f->capacity; /* a longer run keeps its last ticks */
+    if (f->record.count >= f->capacity) at = (size_t)(r->tick % f->capacity);
+    f->record.tick[at] = *r;
+    if (f->record.late_us != NULL) f->record.late_us[at] = t->late_us;
+    if (f->record.count < f->capacity) f->record.count++;
+    uint64_t every = (uint64_t)(f->spec->rate_hz / DDS_HZ + 0.5);
+    if (f->telemetry != NULL && r->tick % (every > 0 ? every : 1) == 0)
+        telemetry_publish(f->telemetry, t);
+    announce(f, r);
 }
 
-static void run(session *s) {
-    uint64_t period_ns = (uint64_t)(1e9 / s->spec->rate_hz);
-    uint64_t ticks = (uint64_t)(s->spec->seconds * s->spec->rate_hz + 0.5);
-    if (!s->bus->loop) can_drain(s->bus->fd);
-    uint64_t next = monotonic_ns(NULL);
-    for (uint64_t tick = 0; (ticks == 0 || tick < ticks) && interrupted == 0; tick++) {
-        float late_us = 0;
-        if (!s->spec->no_wait) {
-            next += period_ns;
-            late_us = (float)sleep_until(next) * 1e-3f;
-            uint64_t now = monotonic_ns(NULL);
-            /*
-             * After an overrun whole periods are skipped, never made up for in a burst, and what
-             * queued up meanwhile is too old to use. A simulated device waits with us.
-             */
-            uint64_t skipped = now > next ? (now - next) / period_ns : 0;
-            next += skipped * period_ns;
-            if (skipped > 0 && !s->bus->loop) {
-                tick += skipped;
-                palp_servo_skip(s->servo, (uint32_t)skipped);
-                if (skipped > 2) can_drain(s->bus->fd);
-            }
+static void follow(follower *f) {
+    const struct timespec moment = {.tv_nsec = LOOK_NS};
+    for (;;) {
+        bool last = f->loop->finished;
+        for (tick_record *t; (t = ring_look(&f->loop->ring)) != NULL;) {
+            follow_tick(f, t);
+            ring_release(&f->loop->ring);
         }
-        run_tick(s, tick, late_us);
+        if (last) return;
+        if (interrupted != 0) f->loop->stop = true;
+        nanosleep(&moment, NULL);
     }
 }
 
 /* The ring of reports in the order of time. */
-static void unroll(session *s) {
-    run_record *r = &s->record;
+static void unroll(run_record *r) {
     size_t start = 0;
     for (size_t i = 1; i < r->count; i++) {
         if (r->tick[i].tick < r->tick[i - 1].tick) start = i;
@@ -316,80 +280,165 @@ static void unroll(session *s) {
     r->tick = ordered;
 }
 
+static void open_bus(servo_loop *l, const daemon_spec *s, const device_file *file) {
+    const palp_device *d = &file->device;
+    l->in_memory = strcmp(s->bus, "loop") == 0;
+    if (l->in_memory) {
+        fault_list f =
+            s->fault != NULL ? faults_read(s->fault, s->seed) : (fault_list){.seed = s->seed};
+        sim_bus_init(&l->memory, file, hand_load(s->hand), f);
+        return;
+    }
+    palp_can_filter filter[PALP_AXES * PALP_DRIVE_FILTERS + 1];
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++)
+        n += palp_drive_filters(&d->drives, d->node_id[i], filter + n);
+    if (s->lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
+    l->port = can_open(s->bus, d->drives.fd, filter, n);
+}
+
+static void check_node(const daemon_spec *s, const palp_blob *blob) {
+    if (palp_blob_has(blob, PALP_META_SCALAR))
+        die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
+    if (s->touch != UINT32_MAX &&
+        (s->touch >= blob->meta->nodes || palp_node_is_fixed(blob, s->touch) ||
+         palp_node_slot(blob, s->touch) >= blob->level[blob->meta->constraint_level].nodes)) {
+        die(EXIT_USAGE,
+            "--touch: node %" PRIu32 " is not a free node of the blob's constraint level",
+            s->touch);
+    }
+}
+
+static void log_session(FILE *log, const daemon_spec *s, const palp_servo_config *config) {
+    size_t bytes;
+    char *data = read_file(s->blob, &bytes);
+    session_record session = {.config = *config,
+                              .blob_bytes = (uint32_t)bytes,
+                              .blob_crc = palp_crc32c(0, data, bytes),
+                              .device = device_text(s->device)};
+    snprintf(session.bus, sizeof session.bus, "%s", s->bus);
+    record_write_session(log, &session);
+    free(session.device);
+    free(data);
+}
+
+static void handle_signals(void) {
+    static const int ends[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT};
+    struct sigaction end = {.sa_handler = on_interrupt}, button = {.sa_handler = on_operator};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) sigaction(ends[i], &end, NULL);
+    sigaction(SIGUSR1, &button, NULL);
+    sigaction(SIGUSR2, &button, NULL);
+    signal(SIGPIPE, SIG_IGN);
+}
+
+/* The loop's thread takes no signals: they would wake it early. */
+static void run(follower *f) {
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    pthread_t thread = realtime_start(&f->spec->realtime, loop_run, f->loop);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    follow(f);
+    pthread_join(thread, NULL);
+}
+
+static int conclude(const daemon_spec *s, const follower *f) {
+    const run_record *r = &f->record;
+    const palp_report *last = &r->tick[r->count - 1];
+    if (s->lockstep)
+        printf("lock step: %" PRIu64 " ticks, %" PRIu64
+               " frames lost or out of turn, digest %016" PRIx64 "\n",
+               f->loop->done, f->loop->lockstep_lost, f->digest);
+    if (last->state == PALP_STATE_RUN && last->faults == 0) return EXIT_SUCCESS;
+    if ((last->faults & PALP_FAULT_BUS) != 0 && !f->loop->in_memory)
+        warn("the bus failed: check the interface (ip -details link show %s)", s->bus);
+    char faults[128];
+    report_faults(last->faults, faults, sizeof faults);
+    warn("the run ended in state %s%s%s", report_state(last->state), last->faults != 0 ? ": " : "",
+         faults);
+    return EXIT_WORK;
+}
+
 int main(int argc, char **argv) {
-    daemon_spec s = {
-        .hand = "touch", .rate_hz = 1000, .seconds = 10, .touch = UINT32_MAX, .cpu = -1};
+    daemon_spec s = {.hand = "touch",
+                     .rate_hz = 1000,
+                     .seconds = 10,
+                     .touch = UINT32_MAX,
+                     .realtime = {.cpu = -1}};
     program_name = "palpd";
     args_parse(argc, argv, options, help, set_option, &s);
-    if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
-    if (s.bus == NULL) die(EXIT_USAGE, "no bus: add --bus INTERFACE or --bus loop");
-    if (s.device == NULL) die(EXIT_USAGE, "no device: add --device NAME|FILE");
-    if (s.no_wait && strcmp(s.bus, "loop") != 0)
-        die(EXIT_USAGE, "--no-wait goes with --bus loop only");
+    check_options(&s);
     device_file file = device_load(s.device);
+    file.device.drives.rate_hz = (float)s.rate_hz;
+    char load[128];
+    device_check_load(&file, load, sizeof load);
     palp_blob blob = load_blob(s.blob);
-    if (s.touch != UINT32_MAX &&
-        (s.touch >= blob.meta->nodes || palp_node_is_fixed(&blob, s.touch) ||
-         palp_node_slot(&blob, s.touch) >= blob.level[blob.meta->constraint_level].nodes)) {
-        die(EXIT_USAGE,
-            "--touch: node %" PRIu32 " is not a free node of the blob's constraint level", s.touch);
-    }
-    if (palp_blob_has(&blob, PALP_META_SCALAR))
-        die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s.blob);
-    bus b = bus_open(&s, &file);
-    session ses = {.spec = &s, .bus = &b, .device = &file.device};
+    check_node(&s, &blob);
+    servo_loop *loop = allocate(1, sizeof *loop);
+    open_bus(loop, &s, &file);
     output log = {0}, page = {0}, view = {0};
     if (s.log != NULL) log = open_output(s.log);
     if (s.report != NULL) page = open_output(s.report);
     if (s.view != NULL) view = open_output(s.view);
-    ses.log = log.file;
 
-    realtime_setup(s.cpu, s.priority, s.strict);
+    realtime_prepare(&s.realtime);
     touch_frame touch = place_body(&blob, &file.device, s.touch);
     palp_servo_config config = {.device = file.device,
                                 .placement = touch.placement,
-                                .rate_hz = (float)s.rate_hz,
                                 .limits = PALP_CONTACT_DEFAULTS,
                                 .tool = palp_tool_sphere(touch.tool_radius_m),
-                                .cost = {.margin = TICK_SHARE},
-                                .port = {.now_ns = monotonic_ns}};
+                                .cost = {.ns_per_operation = LOCKSTEP_NS, .margin = TICK_SHARE},
+                                .port = {.now_ns = loop_clock, .context = loop},
+                                .resume = s.resume};
     config.tool.friction = (float)s.friction;
     config.limits.friction = s.friction > 0;
-    config.cost.ns_per_operation = calibrate(&blob, config.limits, &config.tool, touch.node);
-    ses.servo = open_servo(&blob, &config);
-    ses.capacity =
-        s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
-    ses.peak.load = allocate(config.limits.max_active, sizeof *ses.peak.load);
-    ses.record = (run_record){.tick = allocate(ses.capacity, sizeof *ses.record.tick),
-                              .rate_hz = s.rate_hz,
-                              .late_us = s.no_wait ? NULL : allocate(ses.capacity, sizeof(float)),
-                              .blob_name = s.blob,
-                              .device_name = file.name,
-                              .bus_name = s.bus,
-                              .blob = &blob,
-                              .tool_radius_m = touch.tool_radius_m};
-    printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
-           ", scale %.4g, %.3g ns per operation\n",
-           s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
-           (double)touch.placement.scale, (double)config.cost.ns_per_operation);
-    fflush(stdout);
-    signal(SIGINT, on_interrupt);
-    signal(SIGTERM, on_interrupt);
-    signal(SIGHUP, on_interrupt);
-    signal(SIGQUIT, on_interrupt);
-    signal(SIGPIPE, SIG_IGN);
-    run(&ses);
-    stop_drives(&b, &file.device);
-    if (ses.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
-    unroll(&ses);
+    if (!s.lockstep)
+        config.cost.ns_per_operation = calibrate(&blob, config.limits, &config.tool, touch.node);
+    loop->servo = open_servo(&blob, &config);
+    loop->rate_hz = s.rate_hz;
+    loop->ticks = (uint64_t)(s.seconds * s.rate_hz + 0.5);
+    loop->lockstep = s.lockstep;
+    loop->paced = !s.no_wait && !s.lockstep;
+    loop->ring.slots = RING_SLOTS;
+    loop->ring.bytes = sizeof(tick_record);
+    loop->ring.memory = allocate(RING_SLOTS, sizeof(tick_record));
 
-    run_record *r = &ses.record;
-    r->counters = *palp_servo_counters(ses.servo);
-    r->frames_sent = b.sent;
-    r->frames_lost = b.lost;
-    r->frames_dropped = b.health.dropped;
-    r->displacement_m = peak_displacement(&blob, &ses.peak);
-    memcpy(r->tool_m, &ses.peak.tool_m, sizeof r->tool_m);
+    follower f = {.spec = &s, .loop = loop, .device = &file.device, .log = log.file};
+    f.capacity =
+        s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
+    f.record = (run_record){.tick = allocate(f.capacity, sizeof *f.record.tick),
+                            .rate_hz = s.rate_hz,
+                            .late_us = loop->paced ? allocate(f.capacity, sizeof(float)) : NULL,
+                            .blob_name = s.blob,
+                            .device_name = file.name,
+                            .bus_name = s.bus,
+                            .bus_load = load,
+                            .blob = &blob,
+                            .tool_radius_m = touch.tool_radius_m};
+    if (s.dds) f.telemetry = telemetry_open(&file.device);
+    if (s.log != NULL) log_session(log.file, &s, &config);
+    printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
+           ", scale %.4g, coupling %.4g N/m, %.3g ns per operation\n",
+           s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
+           (double)touch.placement.scale, (double)palp_device_coupling(&file.device),
+           (double)config.cost.ns_per_operation);
+    fflush(stdout);
+    running = loop;
+    handle_signals();
+    run(&f);
+    if (f.telemetry != NULL) telemetry_close(f.telemetry);
+    if (f.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
+    unroll(&f.record);
+
+    run_record *r = &f.record;
+    r->counters = f.counters;
+    r->frames_sent = loop->in_memory ? loop->memory.sent : loop->port.sent;
+    r->frames_lost = loop->in_memory ? loop->memory.lost : loop->port.lost;
+    r->frames_dropped = loop->port.dropped;
+    r->unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0;
+    r->minor_faults = loop->minor_faults;
+    r->displacement_m = peak_displacement(&blob, &f.peak);
+    memcpy(r->tool_m, &f.peak.tool_m, sizeof r->tool_m);
     report_text(stdout, r);
     if (s.log != NULL) commit_output(&log);
     if (s.report != NULL) {
@@ -400,14 +449,5 @@ int main(int argc, char **argv) {
         view_draw(view.file, &blob, r->displacement_m, r->tool_m, r->tool_radius_m, 960, 560);
         commit_output(&view);
     }
-    const palp_report *last = &r->tick[r->count - 1];
-    if (b.health.failed)
-        warn("the bus failed: check the interface (ip -details link show %s)", s.bus);
-    if (last->state != PALP_STATE_RUN) {
-        char faults[128];
-        report_faults(last->faults, faults, sizeof faults);
-        warn("the run ended in state %s%s%s", report_state(last->state),
-             last->faults != 0 ? ": " : "", faults);
-    }
-    return last->state == PALP_STATE_RUN && last->faults == 0 ? EXIT_SUCCESS : EXIT_WORK;
+    return conclude(&s, &f);
 }

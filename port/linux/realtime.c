@@ -2,16 +2,21 @@
 #include "realtime.h"
 #include "tools/util.h"
 #include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
 #include <sched.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/utsname.h>
 #include <time.h>
-#if defined(__SSE2__)
-#include <immintrin.h>
-#endif
+#include <unistd.h>
 
 #define NS_PER_S 1000000000ull
+#define STACK_BYTES (512u * 1024u)
+#define TOUCHED_BYTES (256u * 1024u)
+#define IRQ_PRIORITY 50 /* of threaded interrupts, CAN's among them */
 
 uint64_t monotonic_ns(void *context) {
     struct timespec t;
@@ -29,34 +34,134 @@ uint64_t sleep_until(uint64_t deadline_ns) {
 }
 
 static void complain(bool strict, const char *what, const char *mend) {
-    if (strict) die(EXIT_WORK, "%s: %s", what, mend);
+    if (strict) die(EXIT_WORK, "not real-time: %s: %s", what, mend);
     warn("not real-time: %s: %s", what, mend);
 }
 
-void realtime_setup(int cpu, int priority, bool strict) {
+/* First line of a small file; false when there is none. */
+static bool first_line(const char *path, char *text, size_t size) {
+    FILE *f = fopen(path, "r");
+    bool good = f != NULL && fgets(text, (int)size, f) != NULL;
+    if (f != NULL) fclose(f);
+    if (good) text[strcspn(text, "\n")] = '\0';
+    return good;
+}
+
+static void check_kernel(bool strict) {
     struct utsname name;
-    bool wanted = strict || priority > 0;
-#if defined(__SSE2__)
-    _mm_setcsr(_mm_getcsr() | 0x8040u); /* flush to zero, denormals are zero */
-#endif
-    if (cpu >= 0) {
+    char text[16];
+    bool flag = first_line("/sys/kernel/realtime", text, sizeof text) && text[0] == '1';
+    bool named = uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") != NULL;
+    if (!flag && !named)
+        complain(strict, "the kernel is not PREEMPT_RT",
+                 "install linux-image-rt-amd64 or -rt-arm64");
+}
+
+static void check_limits(const realtime_spec *s) {
+    struct rlimit r;
+    bool root = geteuid() == 0;
+    if (!root && getrlimit(RLIMIT_RTPRIO, &r) == 0 && r.rlim_cur < (rlim_t)s->priority)
+        complain(s->strict, "the rtprio limit is below --priority",
+                 "add 'USER - rtprio 90' to /etc/security/limits.conf, or use the systemd unit");
+    if (!root && getrlimit(RLIMIT_MEMLOCK, &r) == 0 && r.rlim_cur != RLIM_INFINITY)
+        complain(s->strict, "locked memory is limited",
+                 "add 'USER - memlock unlimited' to /etc/security/limits.conf");
+    if (s->priority > IRQ_PRIORITY)
+        warn("priority %d is above the CAN interrupt's thread (%d): raise that (chrt -f -p %d PID "
+             "of "
+             "irq/*can*), or frames may wait for the tick",
+             s->priority, IRQ_PRIORITY, s->priority + 5 > 98 ? 98 : s->priority + 5);
+    char text[32];
+    if (first_line("/proc/sys/kernel/sched_rt_runtime_us", text, sizeof text) && atol(text) >= 0 &&
+        atol(text) < 950000)
+        complain(s->strict, "real-time tasks are throttled early",
+                 "sysctl kernel.sched_rt_runtime_us=950000, or -1");
+}
+
+static void check_clock(const realtime_spec *s) {
+    char path[96], text[64];
+    int cpu = s->cpu > 0 ? s->cpu : 0;
+    snprintf(path, sizeof path, "/sys/devices/system/cpu/cpu%d/cpufreq/scaling_governor", cpu);
+    if (first_line(path, text, sizeof text) && strcmp(text, "performance") != 0)
+        complain(s->strict, "the clock governor is not 'performance'",
+                 "cpupower frequency-set -g performance");
+    /* The file must stay open: the request ends with it. */
+    int latency = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+    const int32_t none = 0;
+    if (latency < 0 || write(latency, &none, sizeof none) != (ssize_t)sizeof none)
+        complain(s->strict, "deep processor sleep cannot be switched off",
+                 "give access to /dev/cpu_dma_latency, or boot with intel_idle.max_cstate=1 (x86)");
+    if (first_line("/sys/devices/system/clocksource/clocksource0/current_clocksource", text,
+                   sizeof text) &&
+        (strcmp(text, "acpi_pm") == 0 || strcmp(text, "hpet") == 0 || strcmp(text, "jiffies") == 0))
+        complain(s->strict, "the clock source is slow to read", "boot with tsc=reliable");
+}
+
+void realtime_prepare(const realtime_spec *spec) {
+    if (!spec->strict && spec->priority == 0) return;
+    check_kernel(spec->strict);
+    check_limits(spec);
+    check_clock(spec);
+    if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
+        complain(spec->strict, "memory cannot be locked",
+                 "raise the memlock limit (ulimit -l unlimited)");
+}
+
+typedef struct {
+    void *(*body)(void *);
+    void *context;
+} started;
+
+/* Touches the stack that the loop will use, so that it never faults. */
+static __attribute__((noinline)) void touch_stack(void) {
+    volatile char page[TOUCHED_BYTES];
+    for (size_t i = 0; i < sizeof page; i += 1024) page[i] = 0;
+    (void)page[0];
+}
+
+static void *enter(void *context) {
+    started *s = context;
+    touch_stack();
+    return s->body(s->context);
+}
+
+pthread_t realtime_start(const realtime_spec *spec, void *(*body)(void *), void *context) {
+    pthread_t thread;
+    pthread_attr_t a;
+    int priority = spec->priority > 0 ? spec->priority : spec->strict ? 40 : 0;
+    started *s = allocate(1, sizeof *s); /* lives as long as the thread */
+    *s = (started){body, context};
+    pthread_attr_init(&a);
+    pthread_attr_setstacksize(&a, STACK_BYTES);
+    if (spec->cpu >= 0) {
         cpu_set_t set;
         CPU_ZERO(&set);
-        CPU_SET((unsigned)cpu, &set);
-        if (sched_setaffinity(0, sizeof set, &set) != 0)
-            die(EXIT_USAGE, "--cpu: processor %d is not there", cpu);
+        CPU_SET((unsigned)spec->cpu, &set);
+        if (spec->cpu >= sysconf(_SC_NPROCESSORS_CONF) ||
+            pthread_attr_setaffinity_np(&a, sizeof set, &set) != 0)
+            die(EXIT_USAGE, "--cpu: processor %d is not there", spec->cpu);
     }
-    if (!wanted) return;
-    if (uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") == NULL) {
-        complain(strict, "the kernel is not PREEMPT_RT", "install linux-image-rt-amd64 or -arm64");
+    if (priority > 0) {
+        struct sched_param p = {.sched_priority = priority};
+        pthread_attr_setinheritsched(&a, PTHREAD_EXPLICIT_SCHED);
+        pthread_attr_setschedpolicy(&a, SCHED_FIFO);
+        pthread_attr_setschedparam(&a, &p);
     }
-    if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-        complain(strict, "memory cannot be locked",
-                 "raise the memlock limit (ulimit -l unlimited)");
-    }
-    struct sched_param p = {.sched_priority = priority > 0 ? priority : 40};
-    if (sched_setscheduler(0, SCHED_FIFO, &p) != 0) {
-        complain(strict, "SCHED_FIFO was refused",
+    int error = pthread_create(&thread, &a, enter, s);
+    if (error == EPERM && priority > 0) {
+        complain(spec->strict, "SCHED_FIFO was refused",
                  "raise the rtprio limit or run with CAP_SYS_NICE");
+        pthread_attr_setinheritsched(&a, PTHREAD_INHERIT_SCHED);
+        error = pthread_create(&thread, &a, enter, s);
     }
+    if (error == EINVAL && spec->cpu >= 0)
+        die(EXIT_USAGE, "--cpu: processor %d is not there", spec->cpu);
+    if (error != 0) die(EXIT_WORK, "cannot start the real-time thread: %s", strerror(error));
+    pthread_attr_destroy(&a);
+    return thread;
+}
+
+uint64_t minor_faults(void) {
+    struct rusage r;
+    return getrusage(RUSAGE_THREAD, &r) == 0 ? (uint64_t)r.ru_minflt : 0;
 }

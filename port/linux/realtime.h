@@ -3,6 +3,7 @@
 #ifndef PALP_PORT_REALTIME_H
 #define PALP_PORT_REALTIME_H
 
+#include <pthread.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -11,11 +12,27 @@ uint64_t monotonic_ns(void *context);
 /* Sleeps until `deadline_ns` (monotonic) and returns how late it woke, in ns. */
 uint64_t sleep_until(uint64_t deadline_ns);
 
+typedef struct {
+    int cpu;      /* -1: any */
+    int priority; /* SCHED_FIFO; 0: ordinary scheduling */
+    bool strict;  /* refuse to go on without what real time needs */
+} realtime_spec;
+
 /*
- * Locks memory, moves to SCHED_FIFO at `priority` (0: not) on processor `cpu` (-1: any), switches
- * subnormals off, and says on stderr what could not be had and how to mend it. With `strict` any of
- * these is fatal (exit 1).
+ * Before any thread: looks at the kernel, limits, clock governor and sleep states, says on stderr
+ * what is wrong and how to mend it (with `strict` exits 1 at the first), locks memory, and keeps
+ * the processors out of deep sleep. Does nothing unless a priority or `strict` is asked for.
  */
-void realtime_setup(int cpu, int priority, bool strict);
+void realtime_prepare(const realtime_spec *spec);
+
+/*
+ * Runs `body` in a thread of its own with the scheduling asked for, its stack touched beforehand.
+ * Exits 2 when the processor does not exist; without the right to SCHED_FIFO it warns and runs in
+ * ordinary scheduling, or exits 1 when strict.
+ */
+pthread_t realtime_start(const realtime_spec *spec, void *(*body)(void *), void *context);
+
+/* Page faults of the calling thread so far that needed no disk. */
+uint64_t minor_faults(void);
 
 #endif

@@ -1,105 +1,196 @@
 /* SPDX-License-Identifier: MIT */
 #include "socketcan.h"
+#include "core/servo/safety.h"
 #include "tools/util.h"
 #include <errno.h>
-#include <fcntl.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
+#include <poll.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
 
 #define MAX_FILTERS 16u
+#define CONTROL_BYTES (CMSG_SPACE(sizeof(uint32_t)) + CMSG_SPACE(sizeof(struct timespec)))
+#define NS_PER_S 1000000000ull
 
-int can_open(const char *interface, const uint32_t *ids, uint32_t count, uint32_t mask) {
-    struct can_filter filter[MAX_FILTERS];
-    struct sockaddr_can address = {.can_family = AF_CAN};
+static void set_filters(int fd, const palp_can_filter *f, uint32_t count) {
+    struct can_filter raw[MAX_FILTERS];
+    if (count == 0) return;
+    if (count > MAX_FILTERS) die(EXIT_WORK, "more than %u receive filters", MAX_FILTERS);
+    for (uint32_t i = 0; i < count; i++) {
+        bool extended = (f[i].flags & PALP_CAN_EXTENDED) != 0;
+        raw[i] = (struct can_filter){.can_id = f[i].id | (extended ? CAN_EFF_FLAG : 0),
+                                     .can_mask = f[i].mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
+    }
+    if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FILTER, raw, count * sizeof raw[0]) != 0)
+        die(EXIT_WORK, "receive filters were refused: %s", strerror(errno));
+}
+
+/* The interface's index, after making sure that it can carry what is asked. */
+static int find_interface(int fd, const char *interface, bool fd_frames) {
     struct ifreq request = {0};
-    can_err_mask_t errors = CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_ACK | CAN_ERR_TX_TIMEOUT;
-    const int on = 1;
-    int fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
-    if (fd < 0)
-        die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop",
-            strerror(errno));
     if (strlen(interface) >= sizeof request.ifr_name)
         die(EXIT_USAGE, "--bus: '%s' is no interface name", interface);
     memcpy(request.ifr_name, interface, strlen(interface));
-    if (ioctl(fd, SIOCGIFINDEX, &request) < 0) {
+    if (ioctl(fd, SIOCGIFMTU, &request) < 0) {
         die(EXIT_USAGE,
             "--bus: no interface '%s': create it, for example 'ip link add %s type vcan && ip link "
             "set %s up'",
             interface, interface, interface);
     }
-    address.can_ifindex = request.ifr_ifindex;
-    for (uint32_t i = 0; i < count && i < MAX_FILTERS; i++) {
-        filter[i] =
-            (struct can_filter){.can_id = ids[i], .can_mask = mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
-    }
-    if (count > 0) setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FILTER, filter, count * sizeof filter[0]);
-    setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
-    setsockopt(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
-    if (bind(fd, (struct sockaddr *)&address, sizeof address) < 0) {
+    if (fd_frames && request.ifr_mtu < (int)CANFD_MTU)
+        die(EXIT_USAGE,
+            "--bus: '%s' carries classic CAN only and the device needs FD: 'ip link set %s type "
+            "can "
+            "bitrate 1000000 dbitrate 5000000 fd on', or for vcan 'ip link set %s mtu 72'",
+            interface, interface, interface);
+    if (ioctl(fd, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) == 0)
+        die(EXIT_USAGE, "--bus: '%s' is down: 'ip link set %s up'", interface, interface);
+    if (ioctl(fd, SIOCGIFINDEX, &request) < 0)
+        die(EXIT_WORK, "--bus: '%s' has no index: %s", interface, strerror(errno));
+    return request.ifr_ifindex;
+}
+
+can_port can_open(const char *interface, bool fd_frames, const palp_can_filter *filter,
+                  uint32_t count) {
+    can_err_mask_t errors =
+        CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED | CAN_ERR_ACK | CAN_ERR_TX_TIMEOUT;
+    const int on = 1;
+    can_port p = {.name = interface};
+    p.fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+    if (p.fd < 0)
+        die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop",
+            strerror(errno));
+    struct sockaddr_can address = {.can_family = AF_CAN,
+                                   .can_ifindex = find_interface(p.fd, interface, fd_frames)};
+    set_filters(p.fd, filter, count);
+    if (fd_frames && setsockopt(p.fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0)
+        die(EXIT_WORK, "--bus: the kernel refuses CAN FD frames: %s", strerror(errno));
+    setsockopt(p.fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+    setsockopt(p.fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+    setsockopt(p.fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
+    if (bind(p.fd, (struct sockaddr *)&address, sizeof address) < 0)
         die(EXIT_WORK, "--bus: cannot bind to '%s': %s", interface, strerror(errno));
-    }
-    return fd;
+    return p;
 }
 
-/* One frame with the socket's drop counter; the length read, or -1. */
-static ssize_t receive_one(int fd, struct can_frame *raw, can_health *health) {
-    union {
-        char bytes[CMSG_SPACE(sizeof(uint32_t))];
-        struct cmsghdr align;
-    } control;
-    struct iovec data = {.iov_base = raw, .iov_len = sizeof *raw};
-    struct msghdr message = {.msg_iov = &data,
-                             .msg_iovlen = 1,
-                             .msg_control = control.bytes,
-                             .msg_controllen = sizeof control.bytes};
-    ssize_t got = recvmsg(fd, &message, MSG_DONTWAIT);
-    if (got < 0) return got;
-    for (struct cmsghdr *c = CMSG_FIRSTHDR(&message); c != NULL; c = CMSG_NXTHDR(&message, c)) {
-        if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SO_RXQ_OVFL) {
-            memcpy(&health->dropped, CMSG_DATA(c), sizeof health->dropped);
+static void read_control(can_port *p, struct msghdr *message) {
+    for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
+        if (c->cmsg_level != SOL_SOCKET) continue;
+        if (c->cmsg_type == SO_RXQ_OVFL) {
+            uint32_t dropped;
+            memcpy(&dropped, CMSG_DATA(c), sizeof dropped);
+            if (dropped != p->dropped) p->events |= PALP_EVENT_OVERFLOW;
+            p->dropped = dropped;
+        } else if (c->cmsg_type == SO_TIMESTAMPNS) {
+            struct timespec t;
+            memcpy(&t, CMSG_DATA(c), sizeof t);
+            p->newest_ns = (uint64_t)t.tv_sec * NS_PER_S + (uint64_t)t.tv_nsec;
         }
     }
-    return got;
 }
 
-uint32_t can_receive(int fd, palp_can_frame *frames, uint32_t capacity, can_health *health) {
+static void take_error(can_port *p, const struct canfd_frame *f) {
+    const uint8_t overflow = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
+    const uint8_t warning = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING |
+                            CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
+    p->error_frames++;
+    if ((f->can_id & CAN_ERR_BUSOFF) != 0) p->events |= PALP_EVENT_BUS_OFF;
+    /* The controller has been bus-off, even if that was not seen: what was queued is gone. */
+    if ((f->can_id & CAN_ERR_RESTARTED) != 0) {
+        p->events |= PALP_EVENT_BUS_OFF;
+        p->restarts++;
+    }
+    if ((f->can_id & (CAN_ERR_ACK | CAN_ERR_TX_TIMEOUT)) != 0) p->events |= PALP_EVENT_BUS_WARNING;
+    if ((f->can_id & CAN_ERR_CRTL) != 0) {
+        if ((f->data[1] & overflow) != 0) p->events |= PALP_EVENT_OVERFLOW;
+        if ((f->data[1] & warning) != 0) p->events |= PALP_EVENT_BUS_WARNING;
+    }
+}
+
+static palp_can_frame from_raw(const struct canfd_frame *raw, bool fd) {
+    bool extended = (raw->can_id & CAN_EFF_FLAG) != 0;
+    uint8_t most = fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN;
+    palp_can_frame f = {.id = raw->can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK),
+                        .length = raw->len > most ? most : raw->len};
+    if (extended) f.flags |= PALP_CAN_EXTENDED;
+    if (fd) f.flags |= PALP_CAN_FD;
+    if ((raw->can_id & CAN_RTR_FLAG) != 0) f.flags |= PALP_CAN_REMOTE;
+    memcpy(f.data, raw->data, f.length);
+    return f;
+}
+
+static uint32_t event_of(int error) {
+    if (error == EAGAIN || error == EWOULDBLOCK || error == EINTR) return 0;
+    return error == ENOBUFS ? PALP_EVENT_BUS_FULL : PALP_EVENT_BUS_DOWN;
+}
+
+/* One batch; returns how many messages came, and adds data frames to `frames`. */
+static uint32_t receive_batch(can_port *p, palp_can_frame *frames, uint32_t capacity, uint32_t *n) {
+    struct canfd_frame raw[CAN_BATCH];
+    struct iovec data[CAN_BATCH];
+    struct mmsghdr message[CAN_BATCH];
+    _Alignas(struct cmsghdr) char control[CAN_BATCH][CONTROL_BYTES];
+    uint32_t want = capacity - *n < CAN_BATCH ? capacity - *n : CAN_BATCH;
+    for (uint32_t i = 0; i < want; i++) {
+        data[i] = (struct iovec){.iov_base = &raw[i], .iov_len = sizeof raw[i]};
+        message[i] = (struct mmsghdr){.msg_hdr = {.msg_iov = &data[i],
+                                                  .msg_iovlen = 1,
+                                                  .msg_control = control[i],
+                                                  .msg_controllen = CONTROL_BYTES}};
+    }
+    int got = recvmmsg(p->fd, message, want, MSG_DONTWAIT, NULL);
+    if (got < 0) {
+        p->events |= event_of(errno);
+        return 0;
+    }
+    for (int i = 0; i < got; i++) {
+        read_control(p, &message[i].msg_hdr);
+        if ((raw[i].can_id & CAN_ERR_FLAG) != 0)
+            take_error(p, &raw[i]);
+        else
+            frames[(*n)++] = from_raw(&raw[i], message[i].msg_len == CANFD_MTU);
+    }
+    return (uint32_t)got;
+}
+
+uint32_t can_receive(can_port *port, palp_can_frame *frames, uint32_t capacity) {
     uint32_t n = 0;
-    while (n < capacity) {
-        struct can_frame raw;
-        if (receive_one(fd, &raw, health) < 0) {
-            if (errno != EAGAIN && errno != EWOULDBLOCK) health->failed = true;
-            break;
-        }
-        if ((raw.can_id & CAN_ERR_FLAG) != 0) {
-            if ((raw.can_id & CAN_ERR_BUSOFF) != 0) health->failed = true;
-            continue;
-        }
-        bool extended = (raw.can_id & CAN_EFF_FLAG) != 0;
-        palp_can_frame *f = &frames[n++];
-        *f = (palp_can_frame){.id = raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK),
-                              .length = raw.len > 8 ? 8 : raw.len};
-        if (extended) f->flags |= PALP_CAN_EXTENDED;
-        if ((raw.can_id & CAN_RTR_FLAG) != 0) f->flags |= PALP_CAN_REMOTE;
-        memcpy(f->data, raw.data, f->length);
+    for (uint32_t batch = 0; batch <= capacity / CAN_BATCH && n < capacity; batch++) {
+        if (receive_batch(port, frames, capacity, &n) < CAN_BATCH) break;
     }
     return n;
 }
 
-void can_drain(int fd) {
-    struct can_frame raw;
-    while (recv(fd, &raw, sizeof raw, MSG_DONTWAIT) > 0) continue;
+void can_drain(can_port *port) {
+    palp_can_frame frames[CAN_BATCH];
+    for (int i = 0; i < 1000; i++) {
+        if (can_receive(port, frames, CAN_BATCH) == 0) return;
+    }
 }
 
-bool can_send(int fd, const palp_can_frame *frame) {
-    struct can_frame raw = {.can_id = frame->id, .len = frame->length};
+bool can_send(can_port *port, const palp_can_frame *frame) {
+    bool fd = (frame->flags & PALP_CAN_FD) != 0;
+    struct canfd_frame raw = {.can_id = frame->id, .len = frame->length};
     if ((frame->flags & PALP_CAN_EXTENDED) != 0) raw.can_id |= CAN_EFF_FLAG;
     if ((frame->flags & PALP_CAN_REMOTE) != 0) raw.can_id |= CAN_RTR_FLAG;
+    if ((frame->flags & PALP_CAN_ERROR) != 0) raw.can_id |= CAN_ERR_FLAG; /* vcan only: simulated */
+    if (fd) raw.flags = CANFD_BRS;
     memcpy(raw.data, frame->data, frame->length);
-    return write(fd, &raw, sizeof raw) == (ssize_t)sizeof raw;
+    ssize_t size = (ssize_t)(fd ? CANFD_MTU : CAN_MTU);
+    port->sent++;
+    if (write(port->fd, &raw, (size_t)size) == size) return true;
+    port->lost++;
+    port->events |= errno == EAGAIN ? PALP_EVENT_BUS_FULL : event_of(errno);
+    return false;
+}
+
+bool can_wait(const can_port *port, int timeout_ms) {
+    struct pollfd p = {.fd = port->fd, .events = POLLIN};
+    return poll(&p, 1, timeout_ms) > 0;
 }

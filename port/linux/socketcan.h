@@ -1,31 +1,40 @@
 /* SPDX-License-Identifier: MIT */
-/* Raw SocketCAN, non-blocking. */
+/* Raw SocketCAN, classic and FD, non-blocking. */
 #ifndef PALP_PORT_SOCKETCAN_H
 #define PALP_PORT_SOCKETCAN_H
 
-#include "core/device/canframe.h"
-#include <stdbool.h>
+#include "core/device/drive.h"
+
+/* An interface, and what has happened on it since the last look. */
+typedef struct {
+    int fd;
+    const char *name;
+    uint32_t events;     /* PALP_EVENT_BUS_ bits and OVERFLOW; the reader clears them */
+    uint32_t dropped;    /* frames that the kernel's receive queue had no room for, in total */
+    uint64_t sent, lost; /* frames given to the interface, and refused by it */
+    uint64_t error_frames, restarts;
+    uint64_t newest_ns; /* kernel's time stamp (CLOCK_REALTIME) of the last frame; 0: none */
+} can_port;
 
 /*
- * Opens `interface`; exits 2 with a mend when the kernel has no CAN or no such interface.
- * `ids`/`mask`: the frames to receive are those with (id & mask) equal to one of ids; count 0
- * receives all.
+ * Opens `interface`, for CAN FD too if `fd` is set; exits 2 with a mend when the kernel has no CAN,
+ * no such interface, or one that cannot carry FD. `count` 0 receives all frames.
  */
-int can_open(const char *interface, const uint32_t *ids, uint32_t count, uint32_t mask);
+can_port can_open(const char *interface, bool fd, const palp_can_filter *filter, uint32_t count);
 
-/* What has gone wrong on the interface since it was opened. */
-typedef struct {
-    bool failed;      /* bus-off, or the link went down */
-    uint32_t dropped; /* frames that the kernel's receive queue had no room for */
-} can_health;
-
-/* Takes up to `capacity` frames that have arrived; returns how many. */
-uint32_t can_receive(int fd, palp_can_frame *frames, uint32_t capacity, can_health *health);
+/* Takes up to `capacity` frames that have arrived, in their order, with one system call per
+ * CAN_BATCH; returns how many. Error frames become events. */
+#define CAN_BATCH 16u
+uint32_t can_receive(can_port *port, palp_can_frame *frames, uint32_t capacity);
 
 /* Throws away what has queued up. */
-void can_drain(int fd);
+void can_drain(can_port *port);
 
-/* False when the frame was not taken (queue full, link down); it is not retried. */
-bool can_send(int fd, const palp_can_frame *frame);
+/* False when the frame was not taken (queue full, link down), which is also an event; it is not
+ * retried: a set-point that waits is an old one. */
+bool can_send(can_port *port, const palp_can_frame *frame);
+
+/* Waits until a frame can be read; false after `timeout_ms`. */
+bool can_wait(const can_port *port, int timeout_ms);
 
 #endif

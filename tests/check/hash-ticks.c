@@ -28,23 +28,27 @@ int main(int argc, char **argv) {
     void *data = aligned_alloc(64, (bytes + 63) / 64 * 64);
     if (fread(data, 1, bytes, f) != bytes || palp_blob_open(&blob, data, bytes) != PALP_OK)
         return 1;
-    palp_servo_config config = {.device = {.arm = {0.14f, 0.14f},
+    palp_servo_config config = {.device = {.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
+                                           .drives = {.protocol = PALP_PROTOCOL_ODRIVE,
+                                                      .counts_per_rev = 8192,
+                                                      .torque_max_Nm = 0.35f,
+                                                      .watchdog_s = 0.05f,
+                                                      .rate_hz = 1000},
                                            .node_id = {1, 2, 3},
                                            .gear = {10, 10, 10},
-                                           .counts_per_rev = 8192,
                                            .joint_min_rad = {-2, -2, -2},
                                            .joint_max_rad = {2, 2, 2},
-                                           .motor_torque_max_Nm = 0.35f,
                                            .force_max_N = 8.5f,
                                            .slew_max_N_per_s = 4000,
                                            .speed_max_m_s = 1.5f,
+                                           .workspace_radius_m = 0.06f,
                                            .stiffness_max_N_per_m = 700,
-                                           .damping_max_Ns_per_m = 1.5f},
+                                           .damping_max_Ns_per_m = 1.5f,
+                                           .damping_Ns_per_m = 0.6f},
                                 .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
                                 .limits = PALP_CONTACT_DEFAULTS,
                                 .cost = {0.01f, 0.8f},
                                 .port = {.now_ns = still_clock},
-                                .rate_hz = 1000,
                                 .tool = palp_tool_sphere(0.012f)};
     /* The highest free node lies under the tool at the home position. */
     uint32_t top = blob.domain[PALP_FREE].node[0];
@@ -68,8 +72,10 @@ int main(int argc, char **argv) {
     for (;;) {
         bool more = fgets(line, sizeof line, log) != NULL &&
                     sscanf(line, "%63s %*s %x#%159s", stamp, &id, hex) >= 2;
+        if (more && strstr(line, " loop ") == NULL) continue; /* what else is on record */
         if ((!more || strcmp(stamp, last) != 0) && last[0] != '\0') {
-            uint32_t sent = palp_servo_tick(servo, in, n, out, &report);
+            uint32_t sent =
+                palp_servo_tick(servo, &(palp_tick_input){.frames = in, .count = n}, out, &report);
             palp_servo_spare(servo);
             for (uint32_t i = 0; i < sent; i++)
                 mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);

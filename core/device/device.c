@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: MIT */
+#include "device.h"
+#include "core/device/busload.h"
+
+#define PLAUSIBLE 2.0f             /* a joint may move this many times what its speed limit asks */
+#define FRICTION_SPEED_RAD_S 0.05f /* below it friction is compensated in proportion */
+
+bool palp_device_is_sound(const palp_device *d) {
+    bool sound = palp_kinematics_is_sound(&d->kinematics) &&
+                 palp_drive_config_is_sound(&d->drives) && d->force_max_N > 0.0f &&
+                 d->slew_max_N_per_s > 0.0f && d->speed_max_m_s > 0.0f &&
+                 d->workspace_radius_m > 0.0f && d->stiffness_max_N_per_m > 0.0f &&
+                 d->damping_max_Ns_per_m >= 0.0f && d->damping_Ns_per_m >= 0.0f &&
+                 palp_vec3_is_finite(d->compensation.lift_N);
+    uint32_t most = d->drives.protocol == PALP_PROTOCOL_CIA402 ? 126u
+                    : d->drives.protocol == PALP_PROTOCOL_MIT  ? 15u
+                                                               : 63u;
+    for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++) {
+        sound = sound && palp_abs(d->gear[i]) > 0.0f && palp_is_finite(d->gear[i]) &&
+                d->node_id[i] <= most && d->joint_min_rad[i] < d->joint_max_rad[i];
+        bool zero_is_taken = d->drives.protocol == PALP_PROTOCOL_CIA402 ||
+                             d->drives.protocol == PALP_PROTOCOL_MOTEUS;
+        sound = sound && (d->node_id[i] > 0u || !zero_is_taken);
+        for (uint32_t k = 0; k < i; k++) sound = sound && d->node_id[i] != d->node_id[k];
+    }
+    return sound;
+}
+
+float palp_device_coupling(const palp_device *device) {
+    const palp_drive_config *c = &device->drives;
+    float period = 1.0f / c->rate_hz;
+    float bus = device->bit_rate_bps > 0.0f
+                    ? palp_bus_load_of(c, palp_axes(&device->kinematics), device->bit_rate_bps,
+                                       device->data_rate_bps)
+                          .cycle_s
+                    : 0.0f;
+    float delay = palp_min(bus, period) + (float)palp_drive_delay(c->protocol) * period;
+    float damping = device->damping_Ns_per_m + device->damping_max_Ns_per_m;
+    float limit = damping / (0.5f * period + delay);
+    return limit > 0.0f ? palp_min(device->stiffness_max_N_per_m, limit)
+                        : device->stiffness_max_N_per_m;
+}
+
+float palp_device_joint_speed(const palp_device *device) {
+    float reach = palp_min(device->kinematics.upper_m, device->kinematics.fore_m);
+    return PLAUSIBLE * device->speed_max_m_s / (0.5f * reach);
+}
+
+void palp_device_compensate(const palp_device *device, const palp_pose *pose,
+                            const float dq_rad_s[PALP_AXES], float torque_Nm[PALP_AXES]) {
+    const palp_compensation *c = &device->compensation;
+    palp_pose_torques(pose, c->lift_N, torque_Nm);
+    for (uint32_t i = 0; i < PALP_AXES; i++) {
+        float direction = palp_clamp(dq_rad_s[i] / FRICTION_SPEED_RAD_S, -1.0f, 1.0f);
+        torque_Nm[i] += c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];
+    }
+}

@@ -1,0 +1,416 @@
+/* SPDX-License-Identifier: MIT */
+#include "drive.h"
+#include "core/base/real.h"
+#include "core/device/cia402.h"
+#include "core/device/moteus.h"
+#include "core/device/odrive.h"
+#include "core/device/profile.h"
+
+#define RAD_PER_REV 6.28318530718f
+#define REPEAT_S 0.1f /* what is not answered is said again */
+#define SDO_TRIES 10u
+#define AGE_LIMIT 0x7fffffffu
+
+static const float not_a_number = __builtin_nanf("");
+
+void palp_drive_init(palp_drive *drive, uint8_t node) {
+    palp_e2e sent = drive->sent; /* its counter goes on, or the drive would refuse what follows */
+    *drive = (palp_drive){.node = node, .velocity_rev_s = not_a_number, .sent = sent};
+}
+
+static palp_news heard(palp_drive *d, palp_news news) {
+    d->heard = true;
+    d->status_age = 0;
+    return news;
+}
+
+static palp_news estimate(palp_drive *d, float position_rev, float velocity_rev_s) {
+    d->position_rev = position_rev;
+    d->velocity_rev_s = velocity_rev_s;
+    return PALP_NEWS_ESTIMATE;
+}
+
+static uint8_t kind_of(const palp_drive_config *c) { return c->fd ? PALP_CAN_FD : 0; }
+
+static uint32_t repeat_ticks(const palp_drive_config *c) {
+    return (uint32_t)(REPEAT_S * c->rate_hz) + 1u;
+}
+
+/* ---- ODrive ---- */
+
+static palp_news odrive_receive(palp_drive *d, const palp_can_frame *frame) {
+    palp_odrive_message m;
+    if (frame->id >> 5 != d->node) return PALP_NEWS_NONE;
+    if (!palp_odrive_decode(frame, &m)) return PALP_NEWS_BAD;
+    if (m.command == PALP_ODRIVE_ENCODER_ESTIMATES)
+        return estimate(d, m.position_rev, m.velocity_rev_s);
+    if (m.command != PALP_ODRIVE_HEARTBEAT) return PALP_NEWS_BAD;
+    d->error = m.error;
+    d->enabled = m.state == PALP_ODRIVE_CLOSED_LOOP;
+    d->configured = true;
+    return heard(d, PALP_NEWS_STATUS);
+}
+
+static palp_can_frame odrive_frame(const palp_drive *d, palp_odrive_message m) {
+    m.node = d->node;
+    return palp_odrive_encode(&m);
+}
+
+static uint32_t odrive_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
+                            float torque, palp_can_frame *out) {
+    bool again = d->since_demand % repeat_ticks(c) == 0u;
+    if (demand == PALP_DEMAND_PROBE || demand == PALP_DEMAND_CONFIGURE) return 0;
+    if (demand == PALP_DEMAND_ENABLE && again) {
+        out[0] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
+                                                       .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
+                                                       .input_mode = PALP_ODRIVE_PASSTHROUGH});
+        out[1] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_CLEAR_ERRORS});
+        out[2] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
+                                                       .state = PALP_ODRIVE_CLOSED_LOOP});
+        return 3;
+    }
+    uint32_t n = 0;
+    if (demand == PALP_DEMAND_IDLE && again)
+        out[n++] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
+                                                         .state = PALP_ODRIVE_IDLE});
+    /* zero but in TORQUE, so that no old set-point acts */
+    out[n++] = odrive_frame(
+        d, (palp_odrive_message){.command = PALP_ODRIVE_SET_INPUT_TORQUE, .torque_Nm = torque});
+    return n;
+}
+
+/* ---- CiA 402 ---- */
+
+static palp_cia402_step cia402_step(const palp_drive *d, const palp_drive_config *c) {
+    return palp_cia402_configure(d->step, d->node, c->rate_hz,
+                                 (uint32_t)(1000.0f * c->rated_torque_Nm + 0.5f),
+                                 (uint32_t)(1000.0f * c->watchdog_s));
+}
+
+/* An SDO answer: the step that waits for it is done, or the drive is not the one described. */
+static palp_news cia402_answer(palp_drive *d, const palp_drive_config *c, palp_sdo sdo) {
+    if (d->step >= PALP_CIA402_STEPS) return heard(d, PALP_NEWS_STATUS);
+    palp_cia402_step step = cia402_step(d, c);
+    bool probing = d->demand == PALP_DEMAND_PROBE;
+    if (probing || sdo.index != step.index || sdo.sub != step.sub)
+        return heard(d, PALP_NEWS_STATUS);
+    bool read = step.size == 0u;
+    bool good = read ? (sdo.command & 0xe3u) == 0x43u && (sdo.value & step.mask) == step.value
+                     : sdo.command == PALP_SDO_WRITTEN;
+    if (good || (step.optional && sdo.command == PALP_SDO_ABORT)) {
+        d->step++;
+        d->waited = d->tries = 0;
+    } else {
+        d->error = sdo.command == PALP_SDO_ABORT ? sdo.value : PALP_DRIVE_ERROR_UNFIT;
+        d->unfit = true;
+    }
+    return heard(d, PALP_NEWS_STATUS);
+}
+
+static palp_news cia402_receive(palp_drive *d, const palp_drive_config *c,
+                                const palp_can_frame *f) {
+    palp_sdo sdo;
+    if (f->id == PALP_COB_SDO_ANSWER + d->node)
+        return palp_sdo_decode(f, f->id, &sdo) ? cia402_answer(d, c, sdo) : PALP_NEWS_BAD;
+    if (f->id == PALP_COB_HEARTBEAT + d->node) {
+        if (!palp_can_is(f, f->id, 0, 1)) return PALP_NEWS_BAD;
+        /* A drive that has restarted has forgotten its configuration. */
+        if (f->data[0] != PALP_NMT_STATE_OPERATIONAL) d->configured = d->enabled = false;
+        return heard(d, PALP_NEWS_STATUS);
+    }
+    if (f->id == PALP_COB_EMCY + d->node) {
+        if (!palp_can_is(f, f->id, 0, 8)) return PALP_NEWS_BAD;
+        d->error = palp_get_u16(f->data);
+        return heard(d, PALP_NEWS_STATUS);
+    }
+    if (f->id != PALP_COB_TPDO1 + d->node) return PALP_NEWS_NONE;
+    if (!palp_can_is(f, f->id, 0, 8)) return PALP_NEWS_BAD;
+    d->statusword = palp_get_u16(f->data);
+    palp_cia402_state state = palp_cia402_state_of(d->statusword);
+    d->enabled = state == PALP_CIA402_ENABLED;
+    if (state == PALP_CIA402_FAULT) {
+        if (d->error == PALP_DRIVE_NO_ERROR) d->error = d->statusword;
+    } else if (d->demand == PALP_DEMAND_ENABLE) {
+        d->error = PALP_DRIVE_NO_ERROR; /* the reset has worked */
+    }
+    if (d->step >= PALP_CIA402_STEPS) d->configured = true;
+    return estimate(d, (float)palp_get_i32(f->data + 2) / c->counts_per_rev, not_a_number);
+}
+
+/* The next SDO request of the configuration, again when it is not answered. */
+static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp_can_frame *out) {
+    if (d->step >= PALP_CIA402_STEPS) {
+        if (d->since_demand % repeat_ticks(c) != 0u && d->waited > 0u) return 0;
+        d->waited = 1;
+        out[0] = palp_nmt_encode(PALP_NMT_START, d->node);
+        return 1;
+    }
+    if (d->unfit) return 0;
+    if (d->waited++ % repeat_ticks(c) != 0u) return 0;
+    if (d->tries++ >= SDO_TRIES) {
+        d->error = PALP_DRIVE_ERROR_SILENT;
+        d->unfit = true;
+        return 0;
+    }
+    palp_cia402_step step = cia402_step(d, c);
+    out[0] = palp_sdo_encode(
+        PALP_COB_SDO_REQUEST + d->node,
+        (palp_sdo){.command = step.size > 0u ? PALP_SDO_WRITE(step.size) : PALP_SDO_READ,
+                   .index = step.index,
+                   .sub = step.sub,
+                   .value = step.size > 0u ? step.value : 0u});
+    return 1;
+}
+
+static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
+                            float torque, palp_can_frame *out) {
+    palp_cia402_state state = palp_cia402_state_of(d->statusword);
+    uint32_t controlword = 0, n = 0;
+    int32_t thousandths = 0;
+    switch (demand) {
+    case PALP_DEMAND_PROBE:
+        if (d->since_demand % repeat_ticks(c) != 0u) return 0;
+        out[n++] = palp_nmt_encode(PALP_NMT_PREOPERATIONAL, d->node);
+        out[n++] = palp_sdo_encode(PALP_COB_SDO_REQUEST + d->node,
+                                   (palp_sdo){.command = PALP_SDO_READ, .index = 0x6502});
+        return n;
+    case PALP_DEMAND_CONFIGURE:
+        return cia402_configure(d, c, out);
+    case PALP_DEMAND_ENABLE:
+        /* one step, or one edge of the fault reset, per four periods: status comes a period late */
+        controlword = palp_cia402_controlword(state, d->since_demand / 4u);
+        break;
+    case PALP_DEMAND_TORQUE:
+        controlword = 0x0f;
+        thousandths = palp_saturate(1000.0f * torque / c->rated_torque_Nm, INT16_MIN, INT16_MAX);
+        break;
+    case PALP_DEMAND_OFF:
+    case PALP_DEMAND_IDLE:
+        break;
+    }
+    out[n++] = palp_rpdo_encode(d->node, controlword, thousandths);
+    return n;
+}
+
+/* ---- moteus ---- */
+
+static palp_news moteus_receive(palp_drive *d, const palp_can_frame *frame) {
+    palp_moteus_answer a;
+    if (frame->id >> 8 != d->node) return PALP_NEWS_NONE;
+    if (!palp_moteus_decode_answer(frame, d->node, &a)) return PALP_NEWS_BAD;
+    d->enabled = a.mode == PALP_MOTEUS_POSITION;
+    d->error = a.mode == PALP_MOTEUS_FAULT     ? 0x100u | ((uint32_t)a.fault & 0xffu)
+               : a.mode == PALP_MOTEUS_TIMEOUT ? PALP_MOTEUS_TIMEOUT
+                                               : PALP_DRIVE_NO_ERROR;
+    d->configured = true;
+    (void)heard(d, PALP_NEWS_STATUS);
+    return estimate(d, a.position_rev, a.velocity_rev_s);
+}
+
+static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
+                            float torque, palp_can_frame *out) {
+    bool on = demand == PALP_DEMAND_ENABLE || demand == PALP_DEMAND_TORQUE;
+    /* A latched fault or timeout is cleared by a stop before anything else. */
+    if (demand == PALP_DEMAND_ENABLE && d->error != PALP_DRIVE_NO_ERROR) on = false;
+    palp_moteus_command m = {.mode = on ? PALP_MOTEUS_POSITION : PALP_MOTEUS_STOPPED,
+                             .torque_Nm = torque,
+                             .torque_max_Nm = c->torque_max_Nm,
+                             .timeout_s = c->watchdog_s};
+    out[0] = palp_moteus_encode_command(d->node, &m);
+    return 1;
+}
+
+/* ---- MIT ---- */
+
+static palp_news mit_receive(palp_drive *d, const palp_drive_config *c, const palp_can_frame *f) {
+    palp_mit_answer a;
+    if (f->id != c->master_id) return PALP_NEWS_NONE;
+    if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_NEWS_BAD;
+    if (a.node != d->node) return PALP_NEWS_NONE;
+    /* Short answers do not say whether the motor is on: it is when it answers after "enter". */
+    bool on = d->demand == PALP_DEMAND_TORQUE ||
+              (d->demand == PALP_DEMAND_ENABLE && d->since_demand > 2u);
+    d->enabled = a.has_error ? a.error == 1u : on;
+    d->error = a.error > 1u ? a.error : PALP_DRIVE_NO_ERROR;
+    d->configured = true;
+    (void)heard(d, PALP_NEWS_STATUS);
+    return estimate(d, a.position_rad / RAD_PER_REV, a.velocity_rad_s / RAD_PER_REV);
+}
+
+static uint32_t mit_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
+                         float torque, palp_can_frame *out) {
+    palp_mit_command m = {.kind = PALP_MIT_EXIT, .torque_Nm = torque};
+    if (demand == PALP_DEMAND_TORQUE) m.kind = PALP_MIT_COMMAND;
+    if (demand == PALP_DEMAND_ENABLE)
+        m.kind = d->since_demand % repeat_ticks(c) == 0u ? PALP_MIT_ENTER : PALP_MIT_COMMAND;
+    out[0] = palp_mit_encode_command(d->node, kind_of(c), &c->range, m);
+    return 1;
+}
+
+/* ---- Palp's own profile ---- */
+
+static palp_news profile_receive(palp_drive *d, const palp_drive_config *c,
+                                 const palp_can_frame *f) {
+    palp_profile_status s;
+    palp_e2e_verdict verdict;
+    if (f->id != PALP_PROFILE_STATUS + d->node) return PALP_NEWS_NONE;
+    if (!palp_profile_decode_status(&d->received, f, d->node, c->fd, &s, &verdict))
+        return PALP_NEWS_BAD;
+    if (verdict == PALP_E2E_REPEATED) return PALP_NEWS_REPEATED;
+    if (verdict != PALP_E2E_OK && verdict != PALP_E2E_SOME_LOST) return PALP_NEWS_BAD;
+    d->enabled = s.state == PALP_DRIVE_IS_ON;
+    d->error = s.error != 0u                      ? s.error
+               : s.state == PALP_DRIVE_IS_FAULTED ? (uint32_t)PALP_DRIVE_IS_FAULTED
+                                                  : PALP_DRIVE_NO_ERROR;
+    d->configured = true;
+    (void)heard(d, PALP_NEWS_STATUS);
+    (void)estimate(d, s.position_rev, s.velocity_rev_s);
+    return verdict == PALP_E2E_OK ? PALP_NEWS_ESTIMATE : PALP_NEWS_GAP;
+}
+
+static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
+                             float torque, palp_can_frame *out) {
+    palp_profile_command m = {.mode = PALP_MODE_OFF,
+                              .watchdog_ms = (uint32_t)(1000.0f * c->watchdog_s),
+                              .torque_Nm = torque};
+    if (demand == PALP_DEMAND_TORQUE) m.mode = PALP_MODE_TORQUE;
+    if (demand == PALP_DEMAND_ENABLE)
+        m.mode = d->error != PALP_DRIVE_NO_ERROR ? PALP_MODE_CLEAR : PALP_MODE_TORQUE;
+    out[0] = palp_profile_encode_command(&d->sent, d->node, c->fd, &m);
+    return 1;
+}
+
+/* ---- all of them ---- */
+
+palp_news palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
+                             const palp_can_frame *frame) {
+    switch (config->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        return odrive_receive(drive, frame);
+    case PALP_PROTOCOL_CIA402:
+        return cia402_receive(drive, config, frame);
+    case PALP_PROTOCOL_MOTEUS:
+        return moteus_receive(drive, frame);
+    case PALP_PROTOCOL_MIT:
+        return mit_receive(drive, config, frame);
+    case PALP_PROTOCOL_PALP:
+        return profile_receive(drive, config, frame);
+    }
+    return PALP_NEWS_NONE;
+}
+
+static uint32_t send_by_protocol(palp_drive *drive, const palp_drive_config *config,
+                                 palp_demand demand, float torque, palp_can_frame *out) {
+    switch (config->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        return odrive_send(drive, config, demand, torque, out);
+    case PALP_PROTOCOL_CIA402:
+        return cia402_send(drive, config, demand, torque, out);
+    case PALP_PROTOCOL_MOTEUS:
+        return moteus_send(drive, config, demand, torque, out);
+    case PALP_PROTOCOL_MIT:
+        return mit_send(drive, config, demand, torque, out);
+    case PALP_PROTOCOL_PALP:
+        return profile_send(drive, config, demand, torque, out);
+    }
+    return 0;
+}
+
+uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config, palp_demand demand,
+                         float torque_Nm, palp_can_frame *out) {
+    if (demand != drive->demand) {
+        drive->demand = demand;
+        drive->since_demand = drive->waited = drive->tries = 0;
+        if (demand == PALP_DEMAND_CONFIGURE) drive->step = 0;
+    }
+    bool sound = demand == PALP_DEMAND_TORQUE && palp_is_finite(torque_Nm);
+    float limit = config->torque_max_Nm;
+    float torque = sound ? palp_clamp(torque_Nm, -limit, limit) : 0.0f;
+    uint32_t n = send_by_protocol(drive, config, demand, torque, out);
+    if (drive->since_demand < AGE_LIMIT) drive->since_demand++;
+    if (drive->status_age < AGE_LIMIT) drive->status_age++;
+    return n;
+}
+
+uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,
+                                 palp_can_frame *out) {
+    if (config->protocol != PALP_PROTOCOL_CIA402) return 0;
+    uint32_t n = 0;
+    uint32_t every = (uint32_t)(0.25f * config->watchdog_s * config->rate_hz);
+    if (tick % (every > 0u ? every : 1u) == 0u)
+        out[n++] = palp_heartbeat_encode(PALP_CANOPEN_HOST, PALP_NMT_STATE_OPERATIONAL);
+    out[n++] = (palp_can_frame){.id = PALP_COB_SYNC}; /* behind the set-points that it applies */
+    return n;
+}
+
+uint32_t palp_drive_delay(palp_protocol protocol) {
+    return protocol == PALP_PROTOCOL_ODRIVE || protocol == PALP_PROTOCOL_PALP ? 0u : 1u;
+}
+
+float palp_drive_heartbeat_s(palp_protocol protocol) {
+    if (protocol == PALP_PROTOCOL_ODRIVE) return 0.1f;
+    return protocol == PALP_PROTOCOL_CIA402 ? 1e-3f * (float)PALP_CIA402_HEARTBEAT_MS : 0.0f;
+}
+
+bool palp_drive_config_is_sound(const palp_drive_config *c) {
+    bool sound = c->counts_per_rev > 0.0f && c->torque_max_Nm > 0.0f && c->rate_hz > 0.0f &&
+                 c->watchdog_s > 0.0f && c->watchdog_s < 60.0f;
+    switch (c->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        return sound && !c->fd;
+    case PALP_PROTOCOL_CIA402:
+        return sound && !c->fd && c->rated_torque_Nm > 0.0f;
+    case PALP_PROTOCOL_MOTEUS:
+        return sound && c->fd;
+    case PALP_PROTOCOL_MIT:
+        return sound && c->range.position_rad > 0.0f && c->range.velocity_rad_s > 0.0f &&
+               c->range.torque_Nm > 0.0f && c->master_id <= 0x7ffu;
+    case PALP_PROTOCOL_PALP:
+        return sound;
+    }
+    return false;
+}
+
+uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
+                            palp_can_filter filter[PALP_DRIVE_FILTERS]) {
+    uint32_t moteus = (uint32_t)node << 8;
+    switch (config->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        filter[0] = (palp_can_filter){.id = (uint32_t)node << 5, .mask = 0x7e0};
+        return 1;
+    case PALP_PROTOCOL_CIA402:
+        filter[0] = (palp_can_filter){.id = PALP_COB_EMCY + node, .mask = 0x7ff};
+        filter[1] = (palp_can_filter){.id = PALP_COB_TPDO1 + node, .mask = 0x7ff};
+        filter[2] = (palp_can_filter){.id = PALP_COB_SDO_ANSWER + node, .mask = 0x7ff};
+        filter[3] = (palp_can_filter){.id = PALP_COB_HEARTBEAT + node, .mask = 0x7ff};
+        return 4;
+    case PALP_PROTOCOL_MOTEUS:
+        filter[0] = (palp_can_filter){.id = moteus, .mask = 0x1fffffff};
+        if (moteus > 0x7ffu) filter[0].flags = PALP_CAN_EXTENDED;
+        return 1;
+    case PALP_PROTOCOL_MIT:
+        filter[0] = (palp_can_filter){.id = config->master_id, .mask = 0x7ff};
+        return 1;
+    case PALP_PROTOCOL_PALP:
+        filter[0] = (palp_can_filter){.id = PALP_PROFILE_STATUS + node, .mask = 0x7ff};
+        return 1;
+    }
+    return 0;
+}
+
+palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *c) {
+    switch (c->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        return (palp_drive_traffic){.command_bytes = 4, .answer_bytes = 8, .slow_hz = 10};
+    case PALP_PROTOCOL_CIA402:
+        return (palp_drive_traffic){
+            .command_bytes = 4, .answer_bytes = 8, .shared = 1, .slow_hz = 20 + 4 / c->watchdog_s};
+    case PALP_PROTOCOL_MOTEUS:
+        return (palp_drive_traffic){.extended = true, .command_bytes = 48, .answer_bytes = 24};
+    case PALP_PROTOCOL_MIT:
+        return (palp_drive_traffic){.command_bytes = 8, .answer_bytes = 8};
+    case PALP_PROTOCOL_PALP:
+        return (palp_drive_traffic){.command_bytes = 8, .answer_bytes = c->fd ? 16 : 8};
+    }
+    return (palp_drive_traffic){0};
+}

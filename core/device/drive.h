@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The controller's side of one drive, whatever protocol it speaks: what it was last heard to say,
+ * and what to send it next.
+ *
+ *     demand     ODrive             CiA 402               moteus      MIT        Palp
+ *     PROBE      -                  NMT pre-op, SDO read  stop        exit       off
+ *     CONFIGURE  -                  SDO steps, NMT start  stop        exit       off
+ *     OFF        zero torque        disable voltage       stop        exit       off
+ *     ENABLE     mode, clear, loop  walk of the states    torque 0    enter      clear, torque 0
+ *     TORQUE     input torque       target torque         torque      torque     torque
+ *     IDLE       axis idle          disable voltage       stop        exit       off
+ *
+ * ODrive and Palp drives send estimates on their own; the others answer the controller's frames, so
+ * that what a tick reads is one period old (palp_drive_delay). Fields of `palp_drive` that are not
+ * documented as protocol internals may be read by anybody.
+ */
+#ifndef PALP_DEVICE_DRIVE_H
+#define PALP_DEVICE_DRIVE_H
+
+#include "core/device/mit.h"
+#include "core/device/protect.h"
+
+#define PALP_AXES 3u
+
+typedef enum {
+    PALP_PROTOCOL_ODRIVE,
+    PALP_PROTOCOL_CIA402,
+    PALP_PROTOCOL_MOTEUS,
+    PALP_PROTOCOL_MIT,
+    PALP_PROTOCOL_PALP
+} palp_protocol;
+#define PALP_PROTOCOL_NAMES "odrive", "cia402", "moteus", "mit", "palp" /* in that order */
+
+typedef struct {
+    palp_protocol protocol;
+    bool fd;               /* CAN FD frames: always for moteus, never for ODrive and CiA 402 */
+    float counts_per_rev;  /* encoder, per motor revolution; the unit of CiA 402 positions */
+    float rated_torque_Nm; /* CiA 402: torques are in thousandths of it */
+    float torque_max_Nm;   /* motor */
+    float watchdog_s;      /* asked of drives that can be told: 0.01 to 0.05 */
+    palp_mit_range range;  /* MIT */
+    uint32_t master_id;    /* MIT: the id of answers */
+    float rate_hz;         /* of the ticks */
+} palp_drive_config;
+
+typedef enum {
+    PALP_DEMAND_PROBE,
+    PALP_DEMAND_CONFIGURE,
+    PALP_DEMAND_OFF,
+    PALP_DEMAND_ENABLE,
+    PALP_DEMAND_TORQUE,
+    PALP_DEMAND_IDLE
+} palp_demand;
+
+/* What a frame was to a drive. */
+typedef enum {
+    PALP_NEWS_NONE,     /* not from this drive */
+    PALP_NEWS_STATUS,   /* something else than an estimate */
+    PALP_NEWS_ESTIMATE, /* a new position */
+    PALP_NEWS_REPEATED, /* protected profile: an old frame again */
+    PALP_NEWS_GAP,      /* protected profile: an estimate, but frames before it were lost */
+    PALP_NEWS_BAD       /* from this drive, but malformed, corrupt or out of sequence */
+} palp_news;
+
+typedef struct {
+    uint8_t node;
+    bool heard;          /* has said anything since the last probe */
+    bool configured;     /* is set up and confirmed */
+    bool enabled;        /* acts on torque */
+    bool unfit;          /* did not take its configuration, or is not the drive described */
+    uint32_t error;      /* the drive's own code; 0 when well */
+    uint32_t status_age; /* ticks since the last sign of life */
+    float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
+    /* Protocol internals. */
+    uint32_t step, waited, tries, phase, since_demand;
+    uint32_t statusword;
+    palp_demand demand;
+    palp_e2e sent, received;
+} palp_drive;
+
+#define PALP_DRIVE_FRAMES 3u  /* most that one drive is sent in a tick */
+#define PALP_SHARED_FRAMES 2u /* most that go to all of them: SYNC, heartbeat */
+#define PALP_DRIVE_NO_ERROR 0u
+#define PALP_DRIVE_ERROR_SILENT 0xffff0001u /* configuration: no answer */
+#define PALP_DRIVE_ERROR_UNFIT 0xffff0002u  /* configuration: not the drive that is described */
+
+/* Forgets all but the node number: the drive is to be probed anew. */
+void palp_drive_init(palp_drive *drive, uint8_t node);
+
+/* One received frame. Constant time but for moteus (the frame's bytes) and the protected profile
+ * (8 per byte). */
+palp_news palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
+                             const palp_can_frame *frame);
+
+/* Called once per tick after receiving: what to send, at most PALP_DRIVE_FRAMES to `out`; returns
+ * how many. torque_Nm is used with the demand TORQUE only and is limited to torque_max_Nm. */
+uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config, palp_demand demand,
+                         float torque_Nm, palp_can_frame *out);
+
+/* What goes to all drives after that, once per tick: `tick` paces it. */
+uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,
+                                 palp_can_frame *out);
+
+/* Periods by which an estimate is old when a tick reads it, besides its way over the bus. */
+uint32_t palp_drive_delay(palp_protocol protocol);
+
+/* Longest silence between signs of life that is in order (s); 0: estimates are the sign. */
+float palp_drive_heartbeat_s(palp_protocol protocol);
+
+/* Whether protocol and frame kind go together and all that the protocol needs is given. */
+bool palp_drive_config_is_sound(const palp_drive_config *config);
+
+/* Which frames come from this drive: those with (id & mask) == id and `flags` in EXTENDED alike.
+ * Returns how many patterns, at most PALP_DRIVE_FILTERS. */
+#define PALP_DRIVE_FILTERS 4u
+typedef struct {
+    uint32_t id, mask;
+    uint8_t flags;
+} palp_can_filter;
+uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
+                            palp_can_filter filter[PALP_DRIVE_FILTERS]);
+
+/* Most bytes of payload per tick and drive, each way, for the bus load. */
+typedef struct {
+    bool extended;                        /* commands have 29-bit ids */
+    uint32_t command_bytes, answer_bytes; /* of the frames of a tick to and from one drive */
+    uint32_t shared;                      /* empty frames per tick to all */
+    float slow_hz;                        /* 8-byte frames per second and drive besides */
+} palp_drive_traffic;
+palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *config);
+
+#endif

@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: MIT */
+#include "axes.h"
+
+#define RAD_PER_REV 6.28318530718f
+#define BAD_BEFORE_RESTART 3u
+#define FROZEN_TORQUE 0.02f /* share of the motor's limit above which a hand would move */
+
+void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
+    *axes = (palp_device_axes){.count = palp_axes(&device->kinematics)};
+    for (uint32_t i = 0; i < axes->count; i++) {
+        axes->drive[i].node = device->node_id[i];
+        axes->limits[i] = (palp_joint_limits){
+            .min_rad = device->joint_min_rad[i],
+            .max_rad = device->joint_max_rad[i],
+            .speed_max_rad_s = palp_device_joint_speed(device),
+            .step_rad = RAD_PER_REV / (device->drives.counts_per_rev * palp_abs(device->gear[i]))};
+    }
+    palp_axes_forget(axes);
+}
+
+void palp_axes_forget(palp_device_axes *axes) {
+    for (uint32_t i = 0; i < axes->count; i++) {
+        palp_drive_init(&axes->drive[i], axes->drive[i].node);
+        axes->joint[i] = (palp_joint){.age = 0};
+        axes->torque_Nm[i] = 0.0f;
+    }
+}
+
+static bool same_bits(float a, float b) {
+    union {
+        float f;
+        uint32_t u;
+    } x = {.f = a}, y = {.f = b};
+    return x.u == y.u;
+}
+
+static void take_estimate(palp_device_axes *axes, const palp_device *device, uint32_t i,
+                          bool strict, palp_counters *counters) {
+    palp_joint *j = &axes->joint[i];
+    float q = axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV;
+    float last = j->q_rad;
+    bool second = j->known && j->age == 0u;
+    if (!palp_joint_take(j, &axes->limits[i], q, 1.0f / device->drives.rate_hz)) {
+        counters->implausible++;
+        if (!strict && j->bad_in_a_row >= BAD_BEFORE_RESTART) *j = (palp_joint){.age = 0};
+        return;
+    }
+    if (second) {
+        counters->repeated++; /* the newer wins */
+        return;
+    }
+    bool pushed = palp_abs(axes->torque_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
+    j->frozen = pushed && same_bits(q, last) ? j->frozen + 1u : 0u;
+}
+
+static void take_frame(palp_device_axes *axes, const palp_device *device,
+                       const palp_can_frame *frame, bool strict, palp_counters *counters) {
+    for (uint32_t i = 0; i < axes->count; i++) {
+        palp_news news = palp_drive_receive(&axes->drive[i], &device->drives, frame);
+        if (news == PALP_NEWS_NONE) continue;
+        if (news == PALP_NEWS_BAD) {
+            counters->corrupt++;
+            counters->rejected++;
+            return;
+        }
+        counters->accepted++;
+        if (news == PALP_NEWS_REPEATED) counters->repeated++;
+        if (news == PALP_NEWS_GAP) counters->gaps++;
+        if (news == PALP_NEWS_ESTIMATE || news == PALP_NEWS_GAP)
+            take_estimate(axes, device, i, strict, counters);
+        return;
+    }
+    counters->rejected++;
+}
+
+void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t periods,
+                    const palp_can_frame *frames, uint32_t count, bool strict,
+                    palp_counters *counters) {
+    for (uint32_t i = 0; i < axes->count; i++) {
+        palp_joint_age(&axes->joint[i], periods);
+        axes->drive[i].status_age += periods - 1u;
+    }
+    for (uint32_t f = 0; f < count; f++) take_frame(axes, device, &frames[f], strict, counters);
+    for (uint32_t i = 0; i < axes->count; i++) {
+        if (strict && axes->joint[i].age > 0u) counters->late++;
+    }
+}
+
+palp_axes_health palp_axes_look(const palp_device_axes *axes) {
+    palp_axes_health h = {.heard = true, .configured = true, .well = true, .enabled = true};
+    for (uint32_t i = 0; i < axes->count; i++) {
+        const palp_drive *d = &axes->drive[i];
+        const palp_joint *j = &axes->joint[i];
+        uint32_t age = j->known ? j->age : UINT32_MAX;
+        h.heard = h.heard && d->heard;
+        h.configured = h.configured && d->configured;
+        h.unfit = h.unfit || d->unfit;
+        h.well = h.well && d->error == PALP_DRIVE_NO_ERROR;
+        h.enabled = h.enabled && d->enabled;
+        h.status_age = d->status_age > h.status_age ? d->status_age : h.status_age;
+        h.age = age > h.age ? age : h.age;
+        h.bad_in_a_row = j->bad_in_a_row > h.bad_in_a_row ? j->bad_in_a_row : h.bad_in_a_row;
+        h.frozen = j->frozen > h.frozen ? j->frozen : h.frozen;
+    }
+    return h;
+}
+
+uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device, palp_demand demand,
+                        const float torque_Nm[PALP_AXES], uint64_t tick, palp_can_frame *out) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < axes->count; i++) {
+        axes->torque_Nm[i] = demand == PALP_DEMAND_TORQUE ? torque_Nm[i] : 0.0f;
+        n += palp_drive_send(&axes->drive[i], &device->drives, demand, axes->torque_Nm[i], out + n);
+    }
+    return n + palp_drives_send_shared(&device->drives, tick, out + n);
+}

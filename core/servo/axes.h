@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT */
+/* The device's axes: frames in, believed joint angles out; torques in, frames out. */
+#ifndef PALP_SERVO_AXES_H
+#define PALP_SERVO_AXES_H
+
+#include "core/device/device.h"
+#include "core/device/joint.h"
+#include "core/servo/counters.h"
+
+typedef struct {
+    palp_drive drive[PALP_AXES];
+    palp_joint joint[PALP_AXES];
+    palp_joint_limits limits[PALP_AXES];
+    float torque_Nm[PALP_AXES]; /* as last sent */
+    uint32_t count;
+} palp_device_axes;
+
+/* What the safety state machine wants to know about all axes together. */
+typedef struct {
+    bool heard, configured, unfit;
+    bool well;           /* no drive reports an error */
+    bool enabled;        /* all act on torque */
+    uint32_t status_age; /* ticks, of the drive that was silent longest */
+    uint32_t age;        /* ticks, of the oldest joint angle */
+    uint32_t bad_in_a_row, frozen;
+} palp_axes_health;
+
+/* Most frames out per tick. */
+#define PALP_SERVO_FRAMES_OUT (PALP_AXES * PALP_DRIVE_FRAMES + PALP_SHARED_FRAMES)
+
+void palp_axes_init(palp_device_axes *axes, const palp_device *device);
+
+/* Forgets what the drives have said, to probe them anew. */
+void palp_axes_forget(palp_device_axes *axes);
+
+/* The frames of a tick that comes `periods` after the last. `strict`: a joint that was believed is
+ * held to; else readings that keep disagreeing with it are taken as new. Cost: per frame and axis,
+ * one decoding and one velocity estimate. */
+void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t periods,
+                    const palp_can_frame *frames, uint32_t count, bool strict,
+                    palp_counters *counters);
+
+palp_axes_health palp_axes_look(const palp_device_axes *axes);
+
+/* Frames of this tick; `torque_Nm` of the motors is used with the demand TORQUE only. */
+uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device, palp_demand demand,
+                        const float torque_Nm[PALP_AXES], uint64_t tick, palp_can_frame *out);
+
+#endif

@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The real-time loop: wake, receive, tick, send, spare, publish. It allocates nothing, writes no
+ * file, takes no lock, and makes only the system calls of clock, sleep, receive and send. Everybody
+ * else sees the run through a ring of tick records.
+ */
+#ifndef PALP_PORT_LOOP_H
+#define PALP_PORT_LOOP_H
+
+#include "port/linux/ring.h"
+#include "port/linux/socketcan.h"
+#include "sim/bus.h"
+#include "sim/record.h"
+
+/*
+ * Lock step, for comparisons in which timing does not enter: after each tick's frames both ends
+ * send this frame (tick u32, frames before it u32) and wait for the other's. The controller begins
+ * with LOCKSTEP_HELLO.
+ */
+#define LOCKSTEP_ID 0x7ffu
+#define LOCKSTEP_HELLO 0xffffffffu
+palp_can_frame lockstep_mark(uint32_t tick, uint32_t frames);
+
+/* Receives until the other end's mark; false after `timeout_ms`. *lost counts frames that the mark
+ * knows of and that did not come, or a mark out of turn. */
+typedef struct {
+    uint32_t tick, frames;
+} lockstep_turn;
+bool lockstep_receive(can_port *port, int timeout_ms, palp_can_frame *frames, uint32_t capacity,
+                      lockstep_turn *turn, uint64_t *lost);
+
+/* Sends and, as timing does not enter, waits while the interface is busy. */
+bool lockstep_send(can_port *port, const palp_can_frame *frame);
+
+typedef struct {
+    palp_servo *servo;
+    double rate_hz;
+    uint64_t ticks; /* 0: until stopped */
+    bool in_memory; /* the bus is `memory`, else `port` */
+    sim_bus memory;
+    can_port port;
+    bool paced;    /* wait for the clock; else as fast as it goes, dropping nothing */
+    bool lockstep; /* no clock at all */
+    ring ring;     /* of tick_record */
+    _Atomic uint32_t operator_events; /* RESET and ESTOP, set by anybody, used once */
+    _Atomic bool stop, finished;
+    /* Written by the loop, to be read when it has finished. */
+    uint64_t done, minor_faults, lockstep_lost;
+    tick_record *current; /* where the clock's readings go */
+    uint64_t first_ns;    /* first reading of the tick */
+    tick_record scratch;  /* for ticks that find the ring full */
+} servo_loop;
+
+/* The port's clock for a servo in this loop: context is the servo_loop. */
+uint64_t loop_clock(void *context);
+
+/* The body of the thread; context is the servo_loop. */
+void *loop_run(void *context);
+
+#endif

@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: MIT */
+/* The build without Cyclone DDS. */
+#include "telemetry.h"
+#include "tools/util.h"
+
+telemetry *telemetry_open(const palp_device *device) {
+    (void)device;
+    die(EXIT_USAGE, "--dds: built without DDS: install cyclonedds-dev and cyclonedds-tools, and "
+                    "run make again");
+}
+void telemetry_publish(telemetry *t, const tick_record *tick) {
+    (void)t;
+    (void)tick;
+}
+void telemetry_close(telemetry *t) { (void)t; }

@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A run on record: everything that entered and left each tick, the clock's readings included, so
+ * that `palp replay` can repeat it bit for bit.
+ *
+ * The file is a candump log. Frames on the bus stand in it under the bus's own name, and what else
+ * a tick needs as CAN FD frames under the name `palp`, so that any tool for candump logs reads it:
+ *
+ *   1FFF0000  text of the session, 64 bytes at a time, until the first tick
+ *   1FFF0001  a tick begins: tick u64, skipped u32, events u32, then u16: frames in, frames out,
+ *             clock readings, wake-up lateness in us. The frames in follow.
+ *   1FFF0002  clock readings, up to 16 u32 ns after the tick's first
+ *   1FFF0003  the result: digest u64, state, level, outer level, 0, faults u32, active u32, then
+ *             f32: force N x3, tip m x3, stored J, absorbed J. The frames out follow.
+ *   1FFF0004  ticks that were lost on the way to the file, u64: replay ends here
+ */
+#ifndef PALP_SIM_RECORD_H
+#define PALP_SIM_RECORD_H
+
+#include "core/servo/servo.h"
+#include <stdio.h>
+
+#define RECORD_FRAMES 64u
+#define RECORD_CLOCKS 256u
+#define RECORD_LOADS 64u
+
+/* One tick, as it goes from the real-time thread to everybody else. */
+typedef struct {
+    uint32_t in_count, out_count, clock_count, load_count;
+    uint32_t skipped, events;
+    bool clock_full; /* more readings than there was room for: it cannot be replayed */
+    float late_us;
+    double time_s;
+    uint64_t digest; /* of this tick and all before it */
+    palp_report report;
+    palp_counters counters;
+    palp_can_frame in[RECORD_FRAMES], out[PALP_SERVO_FRAMES_OUT];
+    uint32_t clock_ns[RECORD_CLOCKS]; /* after the first */
+    palp_load load[RECORD_LOADS];     /* forces on the body, for the display */
+} tick_record;
+
+/* Goes on from `digest` with what a tick sent and found: frames, state, faults, level, force,
+ * torque and tool. Begin with 0. */
+uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t count,
+                       const palp_report *report);
+
+/* What the controller was told when the session was opened. */
+typedef struct {
+    palp_servo_config config; /* but for the port */
+    uint32_t blob_crc, blob_bytes;
+    char bus[32];
+    char *device; /* text of the description */
+} session_record;
+
+void record_write_session(FILE *f, const session_record *session);
+void record_write_tick(FILE *f, const char *bus, const tick_record *tick);
+void record_write_gap(FILE *f, double time_s, uint64_t lost);
+
+typedef struct record_reader record_reader;
+
+/* Opens a log and reads its session; exits 2 if there is no file, 1 if it is not a log of ours. */
+record_reader *record_open(const char *path, session_record *session);
+/* The next tick; false at the end. *lost: ticks missing before it, and then replay must end. Exits
+ * 1, with the line named, when the log is damaged. A last tick that is cut off ends the log. */
+bool record_next(record_reader *reader, tick_record *tick, uint64_t *lost);
+void record_close(record_reader *reader);
+
+#endif

@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: MIT */
+#include "rig.h"
+#include "sim/placement.h"
+#include "tools/util.h"
+#include <math.h>
+#include <stdlib.h>
+
+static uint64_t virtual_clock(void *context) {
+    rig *r = context;
+    return r->now_ns += r->clock_step_ns;
+}
+
+palp_servo_config rig_config(rig *r, const palp_blob *blob) {
+    touch_frame t = place_body(blob, &r->file.device, UINT32_MAX);
+    return (palp_servo_config){.device = r->file.device,
+                               .placement = t.placement,
+                               .limits = PALP_CONTACT_DEFAULTS,
+                               .cost = {.ns_per_operation = 0.5f, .margin = 0.8f},
+                               .tool = palp_tool_sphere(t.tool_radius_m),
+                               .port = {.now_ns = virtual_clock, .context = r}};
+}
+
+void rig_open(rig *r, const palp_blob *blob, const palp_servo_config *config, const char *script,
+              const char *faults, uint64_t seed) {
+    fault_list f = faults != NULL ? faults_read(faults, seed) : (fault_list){.seed = seed};
+    size_t bytes = palp_servo_memsize(blob, config->limits);
+    r->memory = allocate_aligned(bytes, 1);
+    r->clock_step_ns = 100;
+    if (palp_servo_open(&r->servo, blob, config, r->memory, bytes, NULL) != PALP_OK)
+        die(EXIT_WORK, "the servo does not open");
+    sim_bus_init(&r->bus, &r->file, hand_load(script), f);
+}
+
+void rig_start(rig *r, const palp_blob *blob, const char *device, float rate_hz, const char *script,
+               const char *faults, uint64_t seed) {
+    *r = (rig){.file = device_load(device)};
+    r->file.device.drives.rate_hz = rate_hz;
+    palp_servo_config config = rig_config(r, blob);
+    rig_open(r, blob, &config, script, faults, seed);
+}
+
+void rig_tick(rig *r) {
+    palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
+    double dt = 1 / (double)r->file.device.drives.rate_hz;
+    uint32_t skipped = sim_bus_overrun(&r->bus, dt), events;
+    for (uint32_t i = 0; i < skipped; i++) (void)sim_bus_pass(&r->bus, dt, in, 64, &events);
+    uint32_t n = sim_bus_pass(&r->bus, dt, in, 64, &events);
+    r->events = events | r->more_events;
+    r->more_events = 0;
+    palp_tick_input input = {
+        .frames = in, .count = r->silent ? 0 : n, .skipped = skipped, .events = r->events};
+    n = palp_servo_tick(r->servo, &input, out, &r->report);
+    for (uint32_t i = 0; i < n; i++) {
+        if (!sim_bus_send(&r->bus, &out[i])) r->more_events |= PALP_EVENT_BUS_FULL;
+    }
+    palp_servo_spare(r->servo);
+    r->largest_N = fmax(r->largest_N, (double)palp_norm(r->report.force_N));
+}
+
+void rig_run(rig *r, double seconds) {
+    double end = r->bus.time_s + seconds;
+    while (r->bus.time_s < end) rig_tick(r);
+}
+
+void rig_stop(rig *r) {
+    free(r->bus.script.key);
+    free(r->memory);
+}

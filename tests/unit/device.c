@@ -1,0 +1,349 @@
+/* SPDX-License-Identifier: MIT */
+/* Codecs, protection, mechanisms, velocity and bus load, each against figures from elsewhere or a
+ * second way to compute them. */
+#include "core/base/real.h"
+#include "core/palp.h"
+#include "sim/device.h"
+#include "tests/tap.h"
+#include "tools/util.h"
+#include <string.h>
+
+static bool hex_is(const palp_can_frame *f, const char *hex) {
+    char text[2 * PALP_CAN_MAX_DATA + 1] = "";
+    for (uint32_t i = 0; i < f->length; i++) sprintf(text + 2 * i, "%02x", f->data[i]);
+    return strcmp(text, hex) == 0;
+}
+
+static void test_odrive(void) {
+    /* The protocol's example: node 1, 0.25 Nm = 02E#0000803E, sent with four bytes. */
+    palp_odrive_message m = {
+        .node = 1, .command = PALP_ODRIVE_SET_INPUT_TORQUE, .torque_Nm = 0.25f};
+    palp_can_frame f = palp_odrive_encode(&m);
+    CHECK(f.id == 0x02e && hex_is(&f, "0000803e"), "ODrive: the specification's torque frame");
+    bool same = true;
+    uint64_t seed = 6;
+    for (uint32_t command = 0; command < 32; command++) {
+        palp_odrive_message in = {.node = (uint8_t)(command * 2 % 64),
+                                  .command = (palp_odrive_command)command,
+                                  .error = 77,
+                                  .state = 8,
+                                  .position_rev = (float)tap_random(&seed),
+                                  .velocity_rev_s = (float)tap_random(&seed),
+                                  .torque_Nm = (float)tap_random(&seed),
+                                  .control_mode = 1,
+                                  .input_mode = 1},
+                            out;
+        palp_can_frame frame = palp_odrive_encode(&in);
+        if (frame.length > 8) continue;
+        same = same && palp_odrive_decode(&frame, &out) && out.node == in.node &&
+               out.command == in.command;
+        palp_can_frame again = palp_odrive_encode(&out);
+        same = same && memcmp(&again, &frame, sizeof frame) == 0;
+    }
+    CHECK(same, "every command survives encoding and decoding");
+    palp_can_frame bad = f;
+    bad.length = 3;
+    CHECK(!palp_odrive_decode(&bad, &m), "a wrong length is refused");
+    bad = f;
+    bad.flags = PALP_CAN_REMOTE;
+    CHECK(!palp_odrive_decode(&bad, &m), "a remote frame is refused");
+    bad = f;
+    bad.id = 0x7ff + 1;
+    CHECK(!palp_odrive_decode(&bad, &m), "an id out of range is refused");
+}
+
+static void test_moteus(void) {
+    /* The documented torque command's leading subframes, ours with the watchdog register besides.
+     */
+    palp_moteus_command c = {.mode = PALP_MOTEUS_POSITION,
+                             .torque_Nm = 0.25f,
+                             .torque_max_Nm = 1.0f,
+                             .timeout_s = 0.05f},
+                        d;
+    palp_can_frame f = palp_moteus_encode_command(3, &c);
+    CHECK(f.id == 0x8003 && f.flags == (PALP_CAN_FD | PALP_CAN_EXTENDED) &&
+              hex_is(&f, "01000a0c08200000c07f000000000000803e00000000000000000000803f"
+                         "0000c07fcdcc4c3d11001f01130d50505050"),
+          "moteus: register writes and queries as documented, 48 bytes");
+    CHECK(palp_moteus_decode_command(&f, 3, &d) && memcmp(&c, &d, sizeof c) == 0, "and back again");
+    /* An answer in 16-bit integers, which drives may be set to: 0.5 rev, -1 rev/s, 0.25 Nm. */
+    palp_can_frame a = {.id = 0x300,
+                        .flags = PALP_CAN_FD,
+                        .length = 12,
+                        .data = {0x24, 4, 0, 10, 0, 0x88, 0x13, 0x60, 0xf0, 25, 0, 0x50}};
+    palp_moteus_answer r;
+    CHECK(palp_moteus_decode_answer(&a, 3, &r) && r.mode == 10 &&
+              fabsf(r.position_rev - 0.5f) < 1e-6f && fabsf(r.velocity_rev_s + 1.0f) < 1e-6f &&
+              fabsf(r.torque_Nm - 0.25f) < 1e-6f,
+          "integers are scaled by register");
+    a.length = 10;
+    CHECK(!palp_moteus_decode_answer(&a, 3, &r), "a subframe cut short is refused");
+}
+
+static void test_mit(void) {
+    const palp_mit_range range = {12.5f, 30, 10};
+    palp_mit_command out;
+    palp_can_frame f =
+        palp_mit_encode_command(1, 0, &range, (palp_mit_command){.kind = PALP_MIT_ENTER});
+    CHECK(hex_is(&f, "fffffffffffffffc"), "MIT: enter is seven FF and FC");
+    f = palp_mit_encode_command(1, 0, &range, (palp_mit_command){.torque_Nm = 0});
+    CHECK(hex_is(&f, "8000800000000800") && palp_mit_decode_command(&f, 1, 0, &range, &out) &&
+              fabsf(out.torque_Nm) < 10.01f / 4095,
+          "zero torque is half a step from zero: %.4f Nm", (double)out.torque_Nm);
+    double worst = 0;
+    for (int i = -100; i <= 100; i++) {
+        palp_mit_command in = {.torque_Nm = 0.1f * (float)i};
+        f = palp_mit_encode_command(1, 0, &range, in);
+        (void)palp_mit_decode_command(&f, 1, 0, &range, &out);
+        worst = fmax(worst, fabs((double)(out.torque_Nm - in.torque_Nm)));
+    }
+    AT_MOST(worst, 10.0 / 4095 * 1.001, "torques are kept to half a step, Nm");
+    f = palp_mit_encode_command(1, 0, &range, (palp_mit_command){.torque_Nm = 1e9f});
+    (void)palp_mit_decode_command(&f, 1, 0, &range, &out);
+    CHECK(fabsf(out.torque_Nm - 10) < 1e-5f, "and saturate");
+    palp_mit_answer a = {.node = 5,
+                         .error = 1,
+                         .has_error = true,
+                         .position_rad = 1.25f,
+                         .velocity_rad_s = -3,
+                         .torque_Nm = 0.5f},
+                    b;
+    f = palp_mit_encode_answer(0, 0, &range, &a);
+    CHECK(palp_mit_decode_answer(&f, 0, 0, &range, &b) && b.node == 5 && b.error == 1 &&
+              fabsf(b.position_rad - 1.25f) < 2e-4f && fabsf(b.velocity_rad_s + 3) < 8e-3f,
+          "answers with the error nibble");
+}
+
+static void test_cia402(void) {
+    const struct {
+        uint32_t word;
+        palp_cia402_state state;
+    } table[] = {{0x0000, PALP_CIA402_NOT_READY}, {0x0250, PALP_CIA402_DISABLED},
+                 {0x0231, PALP_CIA402_READY},     {0x0233, PALP_CIA402_SWITCHED_ON},
+                 {0x1237, PALP_CIA402_ENABLED},   {0x0217, PALP_CIA402_QUICK_STOP},
+                 {0x021f, PALP_CIA402_FAULT},     {0x0218, PALP_CIA402_FAULT},
+                 {0x0270, PALP_CIA402_DISABLED},  {0x0238, PALP_CIA402_FAULT}};
+    bool right = true;
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++)
+        right = right && palp_cia402_state_of(table[i].word) == table[i].state;
+    CHECK(right, "CiA 402: statuswords of drives in the field mean the right states");
+    palp_can_frame f =
+        palp_sdo_encode(0x605, (palp_sdo){PALP_SDO_WRITE(1), 0x6060, 0, PALP_CIA402_CST});
+    CHECK(f.id == 0x605 && hex_is(&f, "2f6060000a000000"), "SDO: write mode 10 to node 5");
+    f = palp_sdo_encode(0x605, (palp_sdo){PALP_SDO_WRITE(2), 0x1017, 0, 50});
+    CHECK(hex_is(&f, "2b17100032000000"), "SDO: two bytes");
+    f = palp_sdo_encode(0x605, (palp_sdo){PALP_SDO_WRITE(4), 0x1600, 1, 0x60400010});
+    CHECK(hex_is(&f, "2300160110004060"), "SDO: four bytes");
+    f = palp_rpdo_encode(5, 0x0f, -100);
+    CHECK(f.id == 0x205 && hex_is(&f, "0f009cff"), "RPDO: controlword and target torque");
+}
+
+static void test_protection(void) {
+    CHECK(palp_crc8(0, (const uint8_t *)"123456789", 9) == 0x4b,
+          "CRC-8 SAE J1850 of 123456789 is 4B");
+    palp_e2e out = {0}, in = {0};
+    palp_can_frame f = {.id = 0x181, .length = 8};
+    palp_e2e_verdict v[6];
+    for (int i = 0; i < 40; i++) {
+        palp_e2e_protect(&out, &f);
+        v[0] = palp_e2e_check(&in, &f);
+    }
+    CHECK(v[0] == PALP_E2E_OK, "40 frames in order are OK");
+    v[0] = palp_e2e_check(&in, &f);
+    for (int i = 0; i < 3; i++) palp_e2e_protect(&out, &f);
+    v[1] = palp_e2e_check(&in, &f);
+    for (int i = 0; i < 7; i++) palp_e2e_protect(&out, &f);
+    v[2] = palp_e2e_check(&in, &f);
+    v[5] = palp_e2e_check(&in, NULL);
+    palp_e2e_protect(&out, &f);
+    palp_can_frame other = f;
+    other.id = 0x182;
+    v[4] = palp_e2e_check(&in, &other);
+    v[3] = palp_e2e_check(&in, &f);
+    CHECK(v[0] == PALP_E2E_REPEATED && v[1] == PALP_E2E_SOME_LOST &&
+              v[2] == PALP_E2E_WRONG_SEQUENCE && v[3] == PALP_E2E_OK &&
+              v[4] == PALP_E2E_WRONG_CRC && v[5] == PALP_E2E_NO_NEW_DATA,
+          "repeated, some lost, wrong sequence, another id, nothing: each has its verdict");
+    int missed = 0, tried = 0;
+    for (int bit = 0; bit < 64; bit++) {
+        for (int second = bit; second < 64; second++, tried++) {
+            palp_can_frame bad = f;
+            palp_e2e state = in;
+            bad.data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+            if (second != bit) bad.data[second / 8] ^= (uint8_t)(1 << second % 8);
+            missed += palp_e2e_check(&state, &bad) != PALP_E2E_WRONG_CRC ? 1 : 0;
+        }
+    }
+    CHECK(missed == 0, "all %d errors of one or two bits are found", tried);
+}
+
+/* ---- mechanisms ---- */
+
+/* The constraint equations of kinematics.h in double: 0 when the tip belongs to the joints. */
+static double mismatch(const palp_kinematics *k, const double q[3], const double p[3]) {
+    double a = (double)k->upper_m, b = (double)k->fore_m, e = (double)k->base_m, worst = 0;
+    if (k->mechanism == PALP_ARM3) {
+        double rho = a * cos(q[1]) + b * sin(q[2]);
+        worst = fmax(fabs(rho * cos(q[0]) - a - p[0]), fabs(rho * sin(q[0]) - p[1]));
+        return fmax(worst, fabs(a * sin(q[1]) - b * cos(q[2]) + b - p[2]));
+    }
+    uint32_t n = palp_axes(k);
+    double home = sqrt(b * b - (e + a) * (e + a));
+    for (uint32_t i = 0; i < n; i++) {
+        double phi = n == 2 ? i * M_PI : i * 2 * M_PI / 3;
+        double r = e + a * cos(q[i]);
+        double d[3] = {p[0] - r * cos(phi), p[1] - r * sin(phi), p[2] + home - a * sin(q[i])};
+        worst = fmax(worst, fabs(sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) - b));
+    }
+    return worst;
+}
+
+static void test_mechanism(const char *name) {
+    device_file file = device_load(name);
+    const palp_kinematics *k = &file.device.kinematics;
+    double forward = 0, inverse = 0, jacobian = 0, home = 0;
+    uint64_t seed = 8;
+    const float zero[3] = {0, 0, 0};
+    home = (double)palp_norm(palp_forward(k, zero).tip_m);
+    for (int i = 0; i < 2000; i++) {
+        double R = (double)file.device.workspace_radius_m;
+        palp_vec3 tip = {(float)(R * 0.6 * tap_random(&seed)), (float)(R * 0.6 * tap_random(&seed)),
+                         (float)(R * 0.6 * tap_random(&seed))};
+        if (palp_axes(k) == 2) tip.y = 0;
+        float q[3] = {0, 0, 0}, there[2][3];
+        if (!palp_inverse(k, tip, q)) inverse = 1;
+        palp_pose pose = palp_forward(k, q);
+        inverse = fmax(inverse, (double)palp_norm(palp_sub(pose.tip_m, tip)));
+        double qd[3] = {(double)q[0], (double)q[1], (double)q[2]};
+        double p[3] = {(double)pose.tip_m.x, (double)pose.tip_m.y, (double)pose.tip_m.z};
+        forward = fmax(forward, mismatch(k, qd, p));
+        /* d(inverse)/d(tip) times J is the identity: differences of an independent formula */
+        for (uint32_t axis = 0; axis < palp_axes(k); axis++) {
+            const float h = 2e-3f;
+            palp_vec3 step = palp_scale(h, pose.column_m[axis]);
+            if (!palp_inverse(k, palp_add(tip, step), there[0]) ||
+                !palp_inverse(k, palp_sub(tip, step), there[1]))
+                continue;
+            for (uint32_t r = 0; r < palp_axes(k); r++)
+                jacobian = fmax(jacobian, fabs((double)((there[0][r] - there[1][r]) / (2 * h)) -
+                                               (r == axis ? 1 : 0)));
+        }
+    }
+    AT_MOST(home, 1e-7, "%s: at home the tip is at the origin, m", name);
+    AT_MOST(forward, 1e-7, "%s: forward kinematics satisfies its equations in double, m", name);
+    AT_MOST(inverse, 3e-7, "%s: forward undoes inverse, m", name);
+    AT_MOST(jacobian, 2e-3, "%s: the Jacobian is the inverse of the inverse's differences", name);
+}
+
+static void test_singular(void) {
+    device_file file = device_load("arm3");
+    float stretched[3] = {0, 0, 1.5707f}; /* upper arm and forearm in line */
+    AT_MOST((double)palp_forward(&file.device.kinematics, stretched).conditioning, 1e-3,
+            "arm3: a stretched arm is singular");
+    float home[3] = {0, 0, 0}, q[3];
+    CHECK(palp_forward(&file.device.kinematics, home).conditioning > 0.9f, "and home is not");
+    CHECK(!palp_inverse(&file.device.kinematics, (palp_vec3){0.3f, 0, 0}, q),
+          "a place out of reach is refused");
+    const palp_kinematics flat = {PALP_DELTA, 0.06f, 0.0901f, 0.03f};
+    AT_MOST((double)palp_forward(&flat, home).conditioning, 0.05,
+            "a delta whose distal links nearly lie in a plane is nearly singular");
+}
+
+static void test_atan2(void) {
+    double worst = 0;
+    for (int i = 0; i < 100000; i++) {
+        float angle = -3.14159f + 6.28318f * (float)i / 1e5f, s, c;
+        palp_sincos(angle, &s, &c);
+        float r = i % 3 == 0 ? 1e-3f : i % 3 == 1 ? 1.0f : 1e4f;
+        worst = fmax(worst, fabs((double)palp_atan2(r * s, r * c) -
+                                 atan2((double)(r * s), (double)(r * c))));
+    }
+    AT_MOST(worst, 3e-7, "atan2 against libm in double");
+}
+
+/* A slow and a fast sine, read by an encoder of 4,000 counts: windowed against plain differences.
+ */
+static void test_velocity(void) {
+    const double step = 2 * M_PI / 40000, dt = 0.001;
+    const palp_joint_limits limits = {-10, 10, 100, (float)step};
+    double square[2] = {0, 0}, still = 0;
+    palp_joint j = {.age = 0};
+    double last = 0;
+    for (int i = 0; i < 4000; i++) {
+        double t = i * dt, q = 0.3 * sin(2 * t), v = 0.6 * cos(2 * t);
+        double read = floor(q / step) * step;
+        palp_joint_age(&j, 1);
+        (void)palp_joint_take(&j, &limits, (float)read, (float)dt);
+        if (i > 20) {
+            square[0] += pow((double)j.dq_rad_s - v, 2);
+            square[1] += pow((read - last) / dt - v, 2);
+        }
+        last = read;
+    }
+    CHECK(square[0] < 0.05 * square[1], "velocity: error %.4f rad/s, of plain differences %.4f",
+          sqrt(square[0] / 4000), sqrt(square[1] / 4000));
+    for (int i = 0; i < 200; i++) { /* flickers between two counts */
+        palp_joint_age(&j, 1);
+        (void)palp_joint_take(&j, &limits, (float)(last + (i % 2) * step), (float)dt);
+        if (i > 40) still = fmax(still, fabs((double)j.dq_rad_s));
+    }
+    AT_MOST(still, step / dt / 10, "flicker between two counts is nearly rest, rad/s");
+}
+
+static void test_joint(void) {
+    const palp_joint_limits limits = {-1, 1, 20, 1e-4f};
+    palp_joint j = {.age = 0};
+    const float good[] = {0.5f, 0.501f}, bad[] = {NAN, INFINITY, 1.2f, 0.7f, 0.0f};
+    bool refused = true;
+    for (int i = 0; i < 2; i++) {
+        palp_joint_age(&j, 1);
+        (void)palp_joint_take(&j, &limits, good[i], 0.001f);
+    }
+    for (int i = 0; i < 5; i++) {
+        palp_joint before = j;
+        palp_joint_age(&before, 1);
+        refused = refused && !palp_joint_take(&before, &limits, bad[i], 0.001f) &&
+                  before.q_rad >= 0.501f && before.q_rad <= 0.501f && before.age == 1;
+    }
+    CHECK(refused, "NaN, infinity, out of limits, a jump, and a jump to exactly 0 are refused");
+    palp_joint_age(&j, 20);
+    CHECK(palp_joint_take(&j, &limits, 0.7f, 0.001f), "after 20 ms it may have gone that far");
+}
+
+/* Figures computed elsewhere for 1 Mbit/s and 5 or 8 Mbit/s. */
+static void test_load(void) {
+    const struct {
+        uint32_t bytes;
+        float data;
+        double us;
+    } known[] = {{8, 0, 135},     {6, 0, 115},    {4, 0, 95},     {0, 0, 55},    {64, 5e6f, 169},
+                 {64, 8e6f, 118}, {24, 5e6f, 89}, {24, 8e6f, 68}, {8, 5e6f, 56}, {8, 8e6f, 47}};
+    double worst = 0;
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        worst =
+            fmax(worst,
+                 fabs(1e6 * (double)palp_frame_time_s(known[i].bytes, false, 1e6f, known[i].data) -
+                      known[i].us));
+    AT_MOST(worst, 0.6, "worst times of ten kinds of frames, us off");
+    palp_drive_config c = device_load("arm3-cia402").device.drives;
+    c.rate_hz = 1342;
+    AT_MOST(fabs((double)palp_bus_load_of(&c, 3, 1e6f, 0).load - 1), 0.07,
+            "CANopen with three axes fills the bus at 1342 Hz (heartbeats besides)");
+}
+
+int main(void) {
+    test_odrive();
+    test_moteus();
+    test_mit();
+    test_cia402();
+    test_protection();
+    test_atan2();
+    test_mechanism("arm3");
+    test_mechanism("pantograph");
+    test_mechanism("delta3");
+    test_singular();
+    test_velocity();
+    test_joint();
+    test_load();
+    return tap_done();
+}

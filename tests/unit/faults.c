@@ -1,0 +1,226 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Every fault, at random times, under every drive protocol, in virtual time: the force stays finite
+ * and within limits, is gone in time, what must latch latches, and a reset brings it back. Prints
+ * the table of fault, detection time and time to zero force.
+ */
+#include "sim/report.h"
+#include "tests/models.h"
+#include "tests/rig.h"
+#include "tests/tap.h"
+#include "tools/parallel.h"
+#include "tools/util.h"
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+static baked body;
+static uint64_t all_ticks;
+
+typedef enum { STAYS, DAMPS, LATCHES, ANY } outcome;
+
+typedef struct {
+    const char *name, *list; /* %g: the time of onset */
+    outcome outcome;
+    uint32_t fault;   /* that latches */
+    size_t counter;   /* offset in palp_counters of one that must have moved */
+    double detect_ms; /* from onset to the counter or the state */
+    double zero_ms;   /* from onset to zero force, when it does not stay in RUN */
+} specification;
+
+#define COUNTER(x) offsetof(palp_counters, x)
+static const specification specifications[] = {
+    {"one period lost", "loss@%g+0.0009", STAYS, 0, COUNTER(late), 2.1, 0},
+    {"10 ms lost", "loss@%g+0.01", DAMPS, 0, COUNTER(late), 2.1, 20},
+    {"50 ms lost", "loss@%g+0.05", LATCHES, PALP_FAULT_LOST, COUNTER(late), 2.1, 20},
+    {"3 ms late", "delay@%g+0.05=0.0025", STAYS, 0, COUNTER(late), 2.1, 0},
+    {"20 ms late", "delay@%g+0.2=0.02", ANY, 0, COUNTER(late), 2.1, 45},
+    {"duplicated", "duplicate@%g+0.1", STAYS, 0, COUNTER(repeated), 2.1, 0},
+    {"reordered", "reorder@%g+0.1", STAYS, 0, SIZE_MAX, 0, 0},
+    {"corrupted bits", "corrupt@%g+0.1=0.3", ANY, 0, SIZE_MAX, 200, 0},
+    {"encoders stuck", "stuck@%g+1", LATCHES, PALP_FAULT_FROZEN, COUNTER(frozen), 300, 560},
+    {"encoder jumps 5 turns", "jump@%g+0.1", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible), 2.1,
+     5},
+    {"encoder jumps 0.3 turns", "jump@%g+0.1=0.3", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible),
+     2.1, 5},
+    {"not a number", "nan@%g+0.1", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible), 2.1, 5},
+    {"drive reports an error", "drive@%g+0.3", LATCHES, PALP_FAULT_DRIVE, SIZE_MAX, 102, 103},
+    {"bus-off", "busoff@%g+0.05", LATCHES, PALP_FAULT_BUS, COUNTER(bus_faults), 1.1, 1.1},
+    {"frames not taken", "enobufs@%g+0.005", LATCHES, PALP_FAULT_BUS, COUNTER(bus_faults), 2.1,
+     2.1},
+    {"interface down", "down@%g+0.05", LATCHES, PALP_FAULT_BUS, COUNTER(bus_faults), 1.1, 1.1},
+    {"10 periods overrun", "overrun@%g=10", DAMPS, 0, COUNTER(skipped), 11.1, 23},
+    {"40 periods overrun", "overrun@%g=40", LATCHES, PALP_FAULT_LOST, COUNTER(skipped), 41.1, 41.1},
+};
+#define SPECIFICATIONS (sizeof specifications / sizeof specifications[0])
+
+static const char *const devices[] = {"arm3",     "arm3-cia402", "arm3-moteus",
+                                      "arm3-mit", "arm3-palp",   "arm3-palp-fd"};
+#define DEVICES (sizeof devices / sizeof devices[0])
+#define TRIALS 4
+
+/* A hand that presses, and slides while it presses. */
+static void press(hand *h) {
+    static const hand_key keys[] = {{0, {0, 0, 0.02}},
+                                    {0.4, {0, 0, 0.002}},
+                                    {0.8, {0.002, 0.002, -0.008}},
+                                    {1.4, {-0.003, 0.004, -0.012}},
+                                    {2.0, {0.003, -0.004, -0.009}},
+                                    {2.6, {0, 0.003, -0.011}},
+                                    {3.2, {0.003, 0, -0.008}}};
+    free(h->key);
+    h->count = sizeof keys / sizeof keys[0];
+    h->key = allocate(h->count, sizeof *h->key);
+    memcpy(h->key, keys, sizeof keys);
+}
+
+typedef struct {
+    double detect_ms, zero_ms; /* -1: never */
+    float before_N;
+    bool sound, recovered;
+    palp_state state;
+    uint32_t faults;
+} trial;
+
+/* Force and torques finite and within limits. */
+static bool is_sound(const rig *r) {
+    const palp_device *d = &r->file.device;
+    bool good = palp_vec3_is_finite(r->report.force_N) &&
+                palp_norm(r->report.force_N) <= d->force_max_N * 1.0001f;
+    for (int k = 0; k < 3; k++)
+        good = good && fabsf(r->report.motor_torque_Nm[k]) <= d->drives.torque_max_Nm * 1.0001f;
+    return good;
+}
+
+static uint64_t counter_of(const rig *r, size_t offset) {
+    uint64_t v = 0;
+    if (offset != SIZE_MAX)
+        memcpy(&v, (const char *)palp_servo_counters(r->servo) + offset, sizeof v);
+    return v;
+}
+
+static trial strike(const specification *s, const char *device, uint64_t seed) {
+    char list[64];
+    rig r;
+    trial t = {.detect_ms = -1, .zero_ms = -1, .sound = true};
+    double onset = 1.0 + 0.0001 * (double)(seed * 7919 % 6000);
+    snprintf(list, sizeof list, s->list, onset);
+    rig_start(&r, &body.blob, device, 1000, "touch", list, seed);
+    press(&r.bus.script);
+    while (r.bus.time_s + 0.0011 < onset) {
+        rig_tick(&r);
+        t.sound = t.sound && is_sound(&r);
+    }
+    t.before_N = palp_norm(r.report.force_N);
+    uint64_t before = counter_of(&r, s->counter);
+    t.sound = t.sound && r.report.state == PALP_STATE_RUN;
+    while (r.bus.time_s < onset + 1.1) {
+        rig_tick(&r);
+        t.sound = t.sound && is_sound(&r);
+        double ms = 1000 * (r.bus.time_s - onset);
+        bool seen = counter_of(&r, s->counter) > before || r.report.state != PALP_STATE_RUN;
+        if (t.detect_ms < 0 && seen) t.detect_ms = ms;
+        bool zero = !(palp_norm(r.report.force_N) > 0.01f) && r.report.state != PALP_STATE_RUN;
+        if (!zero) t.zero_ms = -1;
+        if (t.zero_ms < 0 && zero) t.zero_ms = ms;
+    }
+    t.state = r.report.state;
+    t.faults = r.report.faults;
+    if (t.state != PALP_STATE_RUN) {
+        r.more_events = PALP_EVENT_RESET;
+        rig_run(&r, 0.6);
+    }
+    t.recovered = r.report.state == PALP_STATE_RUN && r.report.faults == 0;
+    all_ticks += palp_servo_counters(r.servo)->ticks + palp_servo_counters(r.servo)->skipped;
+    rig_stop(&r);
+    return t;
+}
+
+static bool as_specified(const specification *s, const trial *t) {
+    if (s->outcome == STAYS) return t->state == PALP_STATE_RUN && t->faults == 0;
+    if (s->outcome == DAMPS) return t->state == PALP_STATE_DAMPING && t->faults == 0;
+    return s->outcome == ANY || (t->state == PALP_STATE_FAULT && (t->faults & s->fault) != 0);
+}
+
+static void test_fault(const specification *s, uint64_t *seed) {
+    double detect[2] = {1e9, 0}, zero[2] = {1e9, 0};
+    bool good = true;
+    char why[160] = "", states[128];
+    uint32_t seen_faults = 0, seen_states = 0;
+    float least_N = 1e9f;
+    for (size_t d = 0; d < DEVICES; d++) {
+        for (int k = 0; k < TRIALS; k++) {
+            trial t = strike(s, devices[d], ++*seed);
+            bool in_time = (s->counter == SIZE_MAX && s->outcome == STAYS) || s->outcome == ANY ||
+                           (t.detect_ms >= 0 && t.detect_ms <= s->detect_ms);
+            if (t.state != PALP_STATE_RUN && s->zero_ms > 0)
+                in_time = in_time && t.zero_ms >= 0 && t.zero_ms <= s->zero_ms;
+            seen_faults |= t.faults;
+            seen_states |= 1u << t.state;
+            least_N = fminf(least_N, t.before_N);
+            if (t.detect_ms >= 0) {
+                detect[0] = fmin(detect[0], t.detect_ms);
+                detect[1] = fmax(detect[1], t.detect_ms);
+            }
+            if (t.zero_ms >= 0) {
+                zero[0] = fmin(zero[0], t.zero_ms);
+                zero[1] = fmax(zero[1], t.zero_ms);
+            }
+            if (t.sound && t.recovered && in_time && as_specified(s, &t)) continue;
+            good = false;
+            report_faults(t.faults, states, sizeof states);
+            snprintf(why, sizeof why, "; %s, seed %llu: %s %s, seen %.1f ms, zero %.1f ms%s%s",
+                     devices[d], (unsigned long long)*seed, report_state(t.state), states,
+                     t.detect_ms, t.zero_ms, t.sound ? "" : ", out of limits",
+                     t.recovered ? "" : ", not recovered");
+        }
+    }
+    report_faults(seen_faults, states, sizeof states);
+    for (uint32_t i = 0; i <= PALP_STATE_ESTOP; i++) {
+        size_t used = strlen(states);
+        if ((seen_states >> i & 1u) != 0)
+            snprintf(states + used, sizeof states - used, " %s", report_state((palp_state)i));
+    }
+    char times[2][48] = {"-", "-"};
+    if (detect[1] > 0) snprintf(times[0], 48, "%.1f-%.1f ms", detect[0], detect[1]);
+    if (zero[1] > 0) snprintf(times[1], 48, "%.1f-%.1f ms", zero[0], zero[1]);
+    CHECK(good, "%-24s seen %-16s zero %-16s from %.2f N; %s%s", s->name, times[0], times[1],
+          (double)least_N, states, why);
+}
+
+/* A little of everything, all the time. */
+static void test_soup(uint64_t seed) {
+    bool sound = true;
+    uint64_t resets = 0, ticks = 0;
+    for (size_t d = 0; d < DEVICES; d++) {
+        rig r;
+        rig_start(&r, &body.blob, devices[d], 1000, "touch",
+                  "loss=0.02,duplicate=0.02,reorder=0.02,corrupt=0.002,delay@2+0.02=0.002",
+                  seed + d);
+        press(&r.bus.script);
+        for (int i = 0; i < 20000; i++) {
+            rig_tick(&r);
+            sound = sound && is_sound(&r);
+            if (r.report.state >= PALP_STATE_DAMPING && i % 100 == 0)
+                r.more_events = PALP_EVENT_RESET;
+        }
+        resets += palp_servo_counters(r.servo)->resets;
+        ticks += palp_servo_counters(r.servo)->ticks;
+        rig_stop(&r);
+    }
+    all_ticks += ticks;
+    CHECK(sound, "a soup of faults for %llu ticks: force finite and within limits (%llu resets)",
+          (unsigned long long)ticks, (unsigned long long)resets);
+}
+
+int main(void) {
+    progress_quiet(1);
+    mesh control = mesh_load("blobs/rabbit.obj");
+    mesh once = subdivide_loop(&control);
+    body = model_bake(once, 0.004, 0.05, false, false);
+    uint64_t seed = 0;
+    for (size_t i = 0; i < SPECIFICATIONS; i++) test_fault(&specifications[i], &seed);
+    test_soup(1000);
+    CHECK(all_ticks >= 1000000, "%llu ticks in all", (unsigned long long)all_ticks);
+    return tap_done();
+}
