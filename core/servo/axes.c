@@ -3,7 +3,8 @@
 
 #define RAD_PER_REV 6.28318530718f
 #define BAD_BEFORE_RESTART 3u
-#define FROZEN_TORQUE 0.02f /* share of the motor's limit above which a hand would move */
+#define TREMOR_M 1e-4f
+#define FROZEN_TORQUE 0.005f /* share of the motor's limit above which a hand would move */
 
 void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
     *axes = (palp_device_axes){.count = palp_axes(&device->kinematics)};
@@ -15,6 +16,8 @@ void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
             .speed_max_rad_s = palp_device_joint_speed(device),
             .step_rad = RAD_PER_REV / (device->drives.counts_per_rev * palp_abs(device->gear[i]))};
     }
+    float reach = device->kinematics.upper_m + device->kinematics.fore_m;
+    axes->fine = reach * axes->limits[0].step_rad < TREMOR_M;
     palp_axes_forget(axes);
 }
 
@@ -49,7 +52,8 @@ static void take_estimate(palp_device_axes *axes, const palp_device *device, uin
         counters->repeated++; /* the newer wins */
         return;
     }
-    bool pushed = palp_abs(axes->torque_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
+    bool pushed =
+        axes->fine && palp_abs(axes->torque_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
     j->frozen = pushed && same_bits(q, last) ? j->frozen + 1u : 0u;
 }
 

@@ -13,6 +13,7 @@ typedef struct {
     palp_joint_limits limits[PALP_AXES];
     float torque_Nm[PALP_AXES]; /* as last sent */
     uint32_t count;
+    bool fine; /* encoders see a hand's tremor, so that one that stands still is broken */
 } palp_device_axes;
 
 /* What the safety state machine wants to know about all axes together. */

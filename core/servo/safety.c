@@ -37,7 +37,7 @@ static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
     if (!a->well || !a->enabled || !a->configured) faults |= PALP_FAULT_DRIVE;
     if (s->heartbeat_s > 0.0f && seconds(s, a->status_age) > PALP_HEARTBEATS * s->heartbeat_s)
         faults |= PALP_FAULT_HEARTBEAT;
-    if (seconds(s, a->age) >= PALP_LOST_S) faults |= PALP_FAULT_LOST;
+    if (seconds(s, s->blind_ticks) >= PALP_LOST_S) faults |= PALP_FAULT_LOST;
     if (a->bad_in_a_row >= PALP_BAD_IN_A_ROW) faults |= PALP_FAULT_INPUT;
     if (seconds(s, a->frozen) >= PALP_FROZEN_S) faults |= PALP_FAULT_FROZEN;
     return faults;
@@ -82,6 +82,8 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
     bool reset = (events & PALP_EVENT_RESET) != 0u && (events & PALP_EVENT_ESTOP) == 0u &&
                  s->state >= PALP_STATE_DAMPING;
     if (s->state_ticks < TICKS_LIMIT) s->state_ticks += periods;
+    /* Not to have looked is as bad as not to have been told. */
+    s->blind_ticks = axes->age > periods - 1u ? axes->age : periods - 1u;
     s->well_ticks = axes->age == 0u && periods == 1u ? s->well_ticks + 1u : 0u;
     s->tardy_history = (periods > 31u ? 0u : s->tardy_history << periods) |
                        ((events & PALP_EVENT_LATE) != 0u || periods > 1u ? 1u : 0u);
@@ -99,7 +101,7 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
     if (s->faults == 0u) before_run(s, events, axes);
     if (force_is_on(s->state)) s->faults |= run_faults(s, axes);
     if (s->state == PALP_STATE_RUN && s->faults == 0u &&
-        (seconds(s, axes->age) > PALP_LATE_S || repeatedly_late(s)))
+        (seconds(s, s->blind_ticks) > PALP_LATE_S || repeatedly_late(s)))
         enter(s, PALP_STATE_DAMPING);
     if (s->state == PALP_STATE_DAMPING && s->resume && s->faults == 0u && s->tardy_history == 0u &&
         seconds(s, s->well_ticks) >= PALP_WELL_S)

@@ -77,6 +77,7 @@ typedef struct {
     palp_state state;
     uint32_t faults;        /* latched */
     uint32_t state_ticks;   /* since it was entered */
+    uint32_t blind_ticks;   /* that the force has been without an estimate, or without a tick */
     uint32_t well_ticks;    /* in a row, with an estimate of every axis */
     uint32_t tardy_history; /* bit per tick, newest lowest */
     float entry_gain;       /* of the force when DAMPING began */

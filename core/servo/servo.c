@@ -3,8 +3,9 @@
 
 #define NS_PER_S 1e9f
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
-#define OUTSIDE 1.25f  /* workspace radii at which the force begins to fade, over a quarter radius \
-                        */
+#define OUTSIDE                                                                                    \
+    1.25f /* workspace radii at which the force begins to fade, over a quarter radius              \
+           */
 
 struct palp_servo {
     const palp_blob *blob;
