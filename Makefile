@@ -24,10 +24,10 @@ DDS_UNUSED := port/linux/telemetry_$(if $(DDS),none,dds).c
 DDS_LIBS := $(if $(DDS),$(shell pkg-config --libs CycloneDDS))
 PORT_LIB := $(filter-out port/linux/palpd.c $(DDS_UNUSED),$(sort $(wildcard port/linux/*.c)))
 obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
-HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o
+HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all demo test check bench reproduce deps install clean help format
+.PHONY: all static demo test check bench reproduce deps install clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -48,6 +48,15 @@ $(BUILD)/devices.c: $(sort $(wildcard sim/devices/*.dev)) sim/embed.sh
 $(BUILD)/devices.o: $(BUILD)/devices.c
 	@$(CC) $(HOST_FLAGS) -c $< -o $@
 
+# What idlc makes is not held to our warnings.
+$(BUILD)/dds/telemetry_idl.c: port/linux/telemetry.idl
+	@mkdir -p $(@D)
+	@cp $< $(@D)/telemetry_idl.idl && cd $(@D) && idlc -l c telemetry_idl.idl
+$(BUILD)/dds/telemetry_idl.o: $(BUILD)/dds/telemetry_idl.c
+	@$(CC) -O2 -w $(shell pkg-config --cflags CycloneDDS 2>/dev/null) -c $< -o $@
+$(BUILD)/port/linux/telemetry_dds.o: $(BUILD)/dds/telemetry_idl.o
+$(BUILD)/port/linux/telemetry_dds.o: HOST_FLAGS += -I$(BUILD)/dds $(shell pkg-config --cflags CycloneDDS 2>/dev/null)
+
 $(BUILD)/palp: $(BUILD)/tools/main.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
@@ -58,7 +67,17 @@ $(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
--include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
+# For ramdisks: no libraries, no telemetry.
+STATIC_OBJ = $(filter-out $(BUILD)/port/linux/telemetry_%.o $(BUILD)/dds/%,$(HOST_OBJ)) $(BUILD)/port/linux/telemetry_none.o
+static: $(BUILD)/static/palpd $(BUILD)/static/palp-sim ## palpd and palp-sim linked statically, for ramdisks
+$(BUILD)/static/palpd: $(BUILD)/port/linux/palpd.o $(STATIC_OBJ) $(LIB)
+	@mkdir -p $(@D)
+	@$(CC) -static -pthread $^ -lm -o $@
+$(BUILD)/static/palp-sim: $(BUILD)/sim/palp_sim.o $(STATIC_OBJ) $(LIB)
+	@mkdir -p $(@D)
+	@$(CC) -static -pthread $^ -lm -o $@
+
+-include $(shell find $(BUILD) -path $(BUILD)/vm -prune -o -type f -name '*.d' -print 2>/dev/null)
 
 # ---- demo ----
 

@@ -112,7 +112,8 @@ static uint64_t run_lockstep(const sim_spec *s, sim_bus *b, wire *w, uint64_t *l
     while (lockstep_receive(&w->port, 20000, frames, RECORD_FRAMES, &turn, lost) &&
            turn.tick != LOCKSTEP_HELLO)
         continue;
-    for (uint32_t tick = 0; b->time_s < s->seconds; tick++) {
+    uint32_t ticks = (uint32_t)(s->seconds * s->rate_hz + 0.5);
+    for (uint32_t tick = 0; tick < ticks; tick++) {
         uint32_t events;
         uint32_t n = sim_bus_pass(b, 1 / s->rate_hz, frames, RECORD_FRAMES, &events);
         palp_can_frame mark = lockstep_mark(tick, n);

@@ -121,6 +121,7 @@ static __attribute__((noinline)) void touch_stack(void) {
 
 static void *enter(void *context) {
     started *s = context;
+    pthread_setname_np(pthread_self(), "palp-loop");
     touch_stack();
     return s->body(s->context);
 }

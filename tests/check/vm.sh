@@ -1,54 +1,110 @@
 # SPDX-License-Identifier: MIT
-# palp-sim and palpd as two processes over real SocketCAN: a PREEMPT_RT kernel with vcan, emulated. Virtual time by
-# instruction count, so a run repeats exactly; it shows function and frame handling, not latency.
+# palp-sim and palpd as two processes over real SocketCAN, in PREEMPT_RT kernels on emulated x86-64 and AArch64.
+#   lock step  every protocol over vcan, classic and FD; over two kvaser controllers on one bus; over a serial-line
+#              adapter: 10,000 ticks each, with the very same result as the bus in memory on this host
+#   paced      in virtual time by instruction count: real clock, logs that replay on this host, the device gone,
+#              error-passive, bus-off and restart. It shows function and frame handling, not latency.
 . "$(dirname "$0")/../cli/lib.sh"
-skip() { echo "ok 1 - two processes over vcan # SKIP $1"; echo 1..1; exit 0; }
+. "$here/tests/vm/lib.sh"
+TICKS=${TICKS:-10000}
+skip() { echo "ok 1 - palpd and palp-sim over SocketCAN in virtual machines # SKIP $1"; echo 1..1; exit 0; }
 [ "$(uname -m)" = x86_64 ] || skip "needs an x86-64 host"
-for tool in qemu-system-x86_64 cpio busybox apt-get dpkg; do command -v $tool >/dev/null || skip "$tool is not installed (make deps)"; done
-cache=$here/$BUILD/vm
-mkdir -p "$cache"
-if [ ! -f "$cache/kernel" ]; then
-    package=$(apt-cache depends linux-image-rt-amd64 2>/dev/null | awk '/Depends: linux-image/{print $2}')
-    [ -n "$package" ] || skip "no linux-image-rt-amd64 in the package lists (apt-get update)"
-    (cd "$cache" && apt-get download "$package" >/dev/null 2>&1 && dpkg -x linux-image-*.deb k && rm -f linux-image-*.deb) ||
-        skip "$package cannot be downloaded"
-    cp "$cache"/k/boot/vmlinuz-* "$cache/kernel"
-fi
-modules=$(find "$cache/k" -path '*/kernel' -type d | head -1)
-mkdir -p root/bin root/mods root/proc root/sys root/dev root/tmp
-cp "$(command -v busybox)" root/bin/busybox
-for m in net/can/can.ko net/can/can-raw.ko drivers/net/can/dev/can-dev.ko drivers/net/can/vcan.ko; do cp "$modules/$m" root/mods/; done
-objects=$(cd "$here" && for f in tools/*.c sim/*.c port/linux/*.c; do case $f in tools/main.c | sim/palp_sim.c | port/linux/palpd.c) ;; *) echo "$here/$BUILD/${f%.c}.o" ;; esac; done)
-gcc -static -pthread "$here/$BUILD/port/linux/palpd.o" $objects "$here/$BUILD/devices.o" "$here/$BUILD/libpalp.a" -lm -o root/bin/palpd 2>/dev/null
-gcc -static -pthread "$here/$BUILD/sim/palp_sim.o" $objects "$here/$BUILD/devices.o" "$here/$BUILD/libpalp.a" -lm -o root/bin/palp-sim 2>/dev/null
+for tool in qemu-system-x86_64 qemu-system-aarch64 aarch64-linux-gnu-gcc cpio apt-get dpkg; do
+    command -v $tool >/dev/null || skip "$tool is not installed (make deps)"
+done
+for arch in amd64 arm64; do vm_fetch $arch || skip "Debian's kernel for $arch cannot be downloaded: $(tail -1 "$vm/$arch/log")"; done
+(cd "$here" && make static BUILD="$BUILD" >/dev/null && make CROSS=aarch64-linux-gnu- static >/dev/null) ||
+    { ok 1 "static programs for x86-64 and AArch64"; done_testing; }
+
+mkdir files
 $palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o root/rabbit.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
-cat >root/init <<'EOF'
-#!/bin/busybox sh
-/bin/busybox --install -s /bin
-export PATH=/bin
-mount -t proc none /proc; mount -t sysfs none /sys; mount -t devtmpfs none /dev
-for m in can can-raw can-dev vcan; do insmod /mods/$m.ko; done
-ip link add dev vcan0 type vcan; ip link set vcan0 up
-echo "KERNEL $(uname -v)"
-A="--bus vcan0 --device arm3 --rate 250"
-palp-sim $A --seconds 7 >/tmp/sim & palpd /rabbit.palp $A --priority 80 --seconds 6; echo "EXIT-A $?"; wait; cat /tmp/sim
-palp-sim $A --seconds 4 >/tmp/sim & palpd /rabbit.palp $A --priority 80 --seconds 6; echo "EXIT-B $?"; wait
-palpd /rabbit.palp $A --priority 80 --seconds 1; echo "EXIT-C $?"
-poweroff -f
+$palp bake r.obj --as-is -o files/body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+all="arm3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp arm3-palp-fd"
+classic="arm3 arm3-cia402 arm3-mit arm3-palp"
+seconds=$(awk "BEGIN{print $TICKS/1000}")
+
+lockstep() { # lockstep LABEL CONTROLLER-IF DEVICE-IF DEVICES: lines for a guest's script
+    cat <<EOF
+for d in $4; do
+palp-sim --bus $3 --device \$d --lockstep --seconds $seconds >/tmp/sim &
+palpd /body.palp --bus $2 --device \$d --lockstep --seconds $seconds >/tmp/out 2>/tmp/err || cat /tmp/err
+wait; echo "$1 \$d: \$(grep '^lock step' /tmp/out); \$(cat /tmp/sim)"
+done
 EOF
-chmod +x root/init
-(cd root && find . | cpio -o -H newc --quiet -R 0:0 | gzip -1) >initrd
-timeout 240 qemu-system-x86_64 -accel tcg -icount shift=0,sleep=off -cpu qemu64 -smp 1 -m 512 -M q35,hpet=off -nodefaults \
-    -no-user-config -display none -serial stdio -no-reboot -kernel "$cache/kernel" -initrd initrd \
-    -append "console=ttyS0 quiet panic=-1 tsc=reliable mitigations=off" </dev/null >vm.txt 2>&1
-[ -n "$VERBOSE" ] && sed 's/^/# /' vm.txt
-grep -q 'KERNEL.*PREEMPT_RT' vm.txt; ok $? "the kernel is PREEMPT_RT"
-grep -q 'EXIT-A 0' vm.txt; ok $? "6 s over vcan end in RUN without fault"
-first=$(sed '/EXIT-A/q' vm.txt)
-echo "$first" | grep -qE ' 0 rejected.* 0 late, 0 implausible; [0-9]+ sent, 0 lost; 0 dropped'; ok $? "no frame lost, late or rejected: $(echo "$first" | grep '^frames' | tr -s ' ')"
-echo "$first" | grep -qE 'largest force +[0-9.]*[1-9]'; ok $? "and the body is felt: $(echo "$first" | grep '^largest' | tr -s ' ')"
-grep -qE 'palp-sim: [0-9]+ frames sent, 0 lost' vm.txt; ok $? "$(grep 'palp-sim:' vm.txt | head -1)"
-grep -q 'EXIT-B 1' vm.txt && grep -qi 'lost-encoder' vm.txt; ok $? "a device that falls silent latches a fault, exit 1"
-grep -q 'EXIT-C 1' vm.txt && grep -q 'waiting for heartbeats' vm.txt; ok $? "without a device palpd says what it waits for, exit 1"
+}
+{
+    lockstep vcan vcan0 vcan0 "$all"
+    cat <<'EOF'
+for i in 0 1; do canlink can$i config 1000000 100; ip link set can$i up; done
+EOF
+    lockstep kvaser can0 can1 "$classic"
+    cat <<'EOF'
+slcan vcan0 >/tmp/name & sleep 0.5; S=$(cat /tmp/name); ip link set $S up
+EOF
+    lockstep slcan '$S' vcan0 "arm3"
+} >script-amd64
+lockstep vcan vcan0 vcan0 "$all" >script-arm64
+paced='
+A="--bus vcan0 --device arm3 --rate 250"
+palp-sim $A --seconds 13 >/tmp/sim & palpd /body.palp $A --priority 80 --seconds 12 --log /tmp/log; echo "EXIT-A $?"; wait; cat /tmp/sim
+echo LOG-BEGIN; head -n 12000 /tmp/log; echo LOG-END
+'
+cat >script-paced-amd64 <<EOF
+$paced
+palp-sim \$A --seconds 4 >/tmp/sim & palpd /body.palp \$A --priority 80 --seconds 6; echo "EXIT-B \$?"; wait
+palpd /body.palp \$A --priority 80 --seconds 1; echo "EXIT-C \$?"
+palp-sim \$A --seconds 6 --fault busoff@2+0.1 >/tmp/sim & palpd /body.palp \$A --priority 45 --seconds 5; echo "EXIT-D \$?"; wait
+palp-sim \$A --seconds 6 --fault down@2+0.3 >/tmp/sim & palpd /body.palp \$A --priority 45 --seconds 5; echo "EXIT-E \$?"; wait
+slcan vcan0 >/tmp/name & sleep 0.2; P=\$!; S=\$(cat /tmp/name); ip link set \$S up
+palp-sim --bus vcan0 --device arm3 --rate 250 --seconds 10 >/tmp/sim & palpd /body.palp --bus \$S --device arm3 --rate 250 --seconds 8 --priority 45 & D=\$!
+sleep 2; kill -USR1 \$P; sleep 1; kill -USR2 \$P; sleep 1; kill -HUP \$P; sleep 0.3; kill -USR1 \$D; wait \$D; echo "EXIT-F \$?"
+EOF
+printf '%s\n' "$paced" >script-paced-arm64
+for arch in amd64 arm64; do
+    vm_initrd $arch script-$arch initrd-$arch && vm_initrd $arch script-paced-$arch initrd-paced-$arch || ok 1 "ramdisk for $arch"
+done
+(vm_boot arm64 initrd-arm64 900 >vm-arm64.txt 2>&1; vm_boot arm64 initrd-paced-arm64 600 -icount shift=0,sleep=off >vm-paced-arm64.txt 2>&1) &
+vm_boot amd64 initrd-amd64 1200 -object can-bus,id=b0 -device kvaser_pci,canbus=b0 -device kvaser_pci,canbus=b0 >vm-amd64.txt 2>&1
+vm_boot amd64 initrd-paced-amd64 600 -icount shift=0,sleep=off >vm-paced-amd64.txt 2>&1
+wait
+for f in vm-*.txt; do [ -n "$VERBOSE" ] && grep -v '^(' "$f" | sed "s/^/# $f: /"; done
+
+# ---- lock step ----
+for arch in amd64 arm64; do grep -q 'KERNEL.*PREEMPT_RT' vm-$arch.txt; ok $? "$(grep KERNEL vm-$arch.txt | cut -c1-60)"; done
+for device in $all; do
+    here_digest=$($palpd files/body.palp --bus loop --device $device --lockstep --seconds "$seconds" 2>/dev/null | sed -n 's/.*digest //p')
+    for arch in amd64 arm64; do
+        for label in vcan kvaser slcan; do
+            line=$(grep "^$label $device:" vm-$arch.txt) || { # what this machine should have run
+                case "$arch $label $device" in *"vcan "* | "amd64 slcan arm3" ) ok 1 "$arch $label $device did not run" ;;
+                    "amd64 kvaser "*) case " $classic " in *" $device "*) ok 1 "$arch $label $device did not run" ;; esac ;; esac
+                continue
+            }
+            echo "$line" | grep -q "$TICKS ticks, 0 frames lost or out of turn, digest $here_digest; palp-sim: [0-9]* frames sent, 0 lost"
+            ok $? "$arch $line"
+        done
+    done
+done
+
+# ---- paced ----
+for arch in amd64 arm64; do
+    out=vm-paced-$arch.txt
+    first=$(sed '/EXIT-A/q' $out | grep -v '^(')
+    grep -q 'EXIT-A 0' $out; ok $? "$arch: 12 s over vcan, by the clock, end in RUN without fault"
+    echo "$first" | grep -qE ' 0 rejected.* 0 late, 0 implausible; [0-9]+ sent, 0 lost; 0 dropped'
+    ok $? "$arch: $(echo "$first" | grep '^frames' | tr -s ' ')"
+    echo "$first" | grep -qE 'largest force +[0-9.]*[1-9]'; ok $? "$arch: the body is felt: $(echo "$first" | grep '^largest' | tr -s ' ')"
+    echo "$first" | grep -q '^loop  *0 minor page faults after the start, 0 ticks not on record'; ok $? "$arch: $(echo "$first" | grep '^loop' | tr -s ' ')"
+    sed -n '/LOG-BEGIN/,/LOG-END/p' $out | grep '^(' >$arch.log
+    said=$($palp replay $arch.log files/body.palp 2>&1)
+    ok $? "$arch: $said"
+done
+out=vm-paced-amd64.txt
+grep -q 'EXIT-B 1' $out && sed -n '/EXIT-A/,/EXIT-B/p' $out | grep -q 'FAULT: lost-encoder'; ok $? "a device that falls silent latches a fault, exit 1"
+grep -q 'EXIT-C 1' $out && grep -q 'waiting for heartbeats' $out; ok $? "without a device palpd says what it waits for, exit 1"
+grep -q 'EXIT-D 1' $out && sed -n '/EXIT-C/,/EXIT-D/p' $out | grep -q 'FAULT: bus'; ok $? "an error frame of bus-off latches a fault"
+grep -q 'EXIT-E 1' $out && sed -n '/EXIT-D/,/EXIT-E/p' $out | grep -q 'FAULT: bus'; ok $? "an interface that goes down latches a fault"
+last=$(sed -n '/EXIT-E/,/EXIT-F/p' $out)
+echo "$last" | grep -q 'EXIT-F 0' && echo "$last" | grep -q 'FAULT: bus' && echo "$last" | grep -q '^guards.*bus: 1 faults, 1 warnings.* 1 resets'
+ok $? "slcan: error-passive is counted, bus-off latches, after restart and reset it feels again: $(echo "$last" | grep '^guards' | tr -s ' ' | sed 's/.*bus:/bus:/')"
 done_testing
