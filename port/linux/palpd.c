@@ -181,7 +181,7 @@ static float *peak_displacement(const palp_blob *blob, const peak *p) {
 
 static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *config) {
     size_t bytes = palp_servo_memsize(blob, config->limits);
-    void *memory = allocate_aligned(bytes, 1);
+    void *memory = memset(allocate_aligned(bytes, 1), 1, bytes); /* touched, as the ring */
     palp_servo *servo;
     float bound_ns = 0;
     palp_status status = palp_servo_open(&servo, blob, config, memory, bytes, &bound_ns);
@@ -402,6 +402,8 @@ int main(int argc, char **argv) {
     loop->ring.slots = RING_SLOTS;
     loop->ring.bytes = sizeof(tick_record);
     loop->ring.memory = allocate(RING_SLOTS, sizeof(tick_record));
+    /* Every page is touched now, locked or not, so that the loop never faults. */
+    memset(loop->ring.memory, 1, RING_SLOTS * sizeof(tick_record));
 
     follower f = {.spec = &s, .loop = loop, .device = &file.device, .log = log.file};
     f.capacity =
