@@ -94,7 +94,7 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 
 UNIT := $(sort $(wildcard tests/unit/*.c))
 UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
-$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(BUILD)/tests/rig.o $(HOST_OBJ) $(LIB)
+$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
@@ -102,7 +102,7 @@ CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/fre
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
-$(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(BUILD)/tests/rig.o $(HOST_OBJ) $(LIB)
+$(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@$(CC) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
 bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log

@@ -28,6 +28,7 @@ static const option keys[] = {
     {"--mit-range", 3},
     {"--master-id", 1},
     {"--watchdog", 1},
+    {"--torque-lag", 1},
     {"--joint-min", -3},
     {"--joint-max", -3},
     {"--torque-max", 1},
@@ -73,6 +74,7 @@ static bool set_scalar(reading *r, const argument *a) {
                     {"--data-bitrate", &p->data_rate_bps},
                     {"--rated-torque", &p->drives.rated_torque_Nm},
                     {"--watchdog", &p->drives.watchdog_s},
+                    {"--torque-lag", &p->drives.torque_lag_s},
                     {"--torque-max", &p->drives.torque_max_Nm},
                     {"--force-max", &p->force_max_N},
                     {"--slew-max", &p->slew_max_N_per_s},
@@ -81,7 +83,8 @@ static bool set_scalar(reading *r, const argument *a) {
                     {"--tool", &p->tool_radius_m},
                     {"--stiffness-max", &p->stiffness_max_N_per_m},
                     {"--damping-max", &p->damping_max_Ns_per_m},
-                    {"--damping", &p->damping_Ns_per_m}};
+                    {"--damping", &p->damping_Ns_per_m},
+                    {"--mass", &p->mass_kg}};
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
         if (strcmp(positive[i].key, a->option) != 0) continue;
         *positive[i].value = (float)arg_between(a, 0, 1e9);
@@ -146,8 +149,6 @@ static void set_key(void *context, const argument *a) {
     } else if (strcmp(o, "--lift") == 0) {
         p->compensation.lift_N =
             (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
-    } else if (strcmp(o, "--mass") == 0) {
-        r->d.mass_kg = arg_between(a, 0, 100);
     } else if (strcmp(o, "--friction") == 0) {
         r->d.friction_N = arg_between(a, 0, 1e3);
     } else if (strcmp(o, "--weight") == 0) {
@@ -248,7 +249,8 @@ char *device_text(const char *name_or_path) {
 }
 
 device_file device_read(const char *name, const char *text) {
-    reading r = {.d.device.drives = {.watchdog_s = 0.05f, .rate_hz = 1000}};
+    reading r = {
+        .d.device.drives = {.watchdog_s = 0.05f, .torque_lag_s = 0.0002f, .rate_hz = 1000}};
     args_parse_text(name, text, keys, set_key, &r);
     check(&r, name);
     snprintf(r.d.name, sizeof r.d.name, "%s", name);

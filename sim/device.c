@@ -64,7 +64,7 @@ void sim_device_move(sim_device *d, double dt_s, const double target_m[3], doubl
                      double hand_Ns_per_m) {
     const device_file *file = d->file;
     double h = dt_s / SUBSTEPS;
-    double damping = (double)file->device.damping_Ns_per_m;
+    double damping = (double)file->device.damping_Ns_per_m, mass = (double)file->device.mass_kg;
     bool planar = d->axes < 3;
     for (int step = 0; step < SUBSTEPS; step++) {
         double motor[3];
@@ -77,7 +77,7 @@ void sim_device_move(sim_device *d, double dt_s, const double target_m[3], doubl
         for (int k = 0; k < 3; k++) {
             double push = motor[k] + hand_N_per_m * (target_m[k] - d->x_m[k]);
             /* drag is implicit, so that stiff friction cannot overshoot */
-            d->v_m_s[k] = (d->v_m_s[k] + h * push / file->mass_kg) / (1 + h * drag / file->mass_kg);
+            d->v_m_s[k] = (d->v_m_s[k] + h * push / mass) / (1 + h * drag / mass);
         }
         if (planar) d->v_m_s[1] = 0;
         double next[3];

@@ -10,7 +10,7 @@
 /* A device file, read: what the controller knows and what only the simulation needs. */
 typedef struct {
     palp_device device;
-    double mass_kg, friction_N, weight_N;
+    double friction_N, weight_N;
     char name[64];
 } device_file;
 

@@ -5,8 +5,7 @@
 #include "core/device/profile.h"
 #include <math.h>
 
-#define CURRENT_LOOP_S 0.0002 /* time constant of the drive's torque */
-#define ESTIMATOR_SHARE 0.3   /* of a new rate in the drive's velocity estimate */
+#define ESTIMATOR_SHARE 0.3 /* of a new rate in the drive's velocity estimate */
 #define RAD_PER_REV 6.283185307179586
 
 void sim_drive_init(sim_drive *d, const palp_drive_config *config, uint8_t node) {
@@ -250,7 +249,8 @@ void sim_drive_move(sim_drive *d, double h_s) {
     if (d->error != 0) d->live = false;
     double limit = (double)d->config->torque_max_Nm;
     double wanted = d->live ? fmin(fmax(d->torque_Nm, -limit), limit) : 0;
-    d->actual_Nm += (wanted - d->actual_Nm) * (1 - exp(-h_s / CURRENT_LOOP_S));
+    double lag = (double)d->config->torque_lag_s;
+    d->actual_Nm += (wanted - d->actual_Nm) * (lag > 0 ? 1 - exp(-h_s / lag) : 1);
 }
 
 void sim_drive_read(sim_drive *d, double turns, double dt_s) {

@@ -42,7 +42,7 @@ static void add_key(hand *h, size_t *capacity, const char *name, size_t line, co
 }
 
 hand hand_load(const char *name_or_path) {
-    hand h = {.stiffness_N_per_m = 400, .damping_Ns_per_m = 6};
+    hand h = {.stiffness_N_per_m = 400, .damping_Ns_per_m = 6, .tremor_m = TREMOR_M};
     size_t bytes, capacity = 0, line = 0;
     bool built_in = strcmp(name_or_path, "touch") == 0;
     char *text = built_in ? copy_string(touch_script) : read_file(name_or_path, &bytes);
@@ -75,5 +75,5 @@ static void script_target(const hand *h, double time_s, double x_m[3]) {
 void hand_target(const hand *h, double time_s, double x_m[3]) {
     static const double rad_s[3] = {51, 59, 67};
     script_target(h, time_s, x_m);
-    for (int k = 0; k < 3; k++) x_m[k] += TREMOR_M * sin(rad_s[k] * time_s);
+    for (int k = 0; k < 3; k++) x_m[k] += h->tremor_m * sin(rad_s[k] * time_s);
 }

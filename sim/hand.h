@@ -14,6 +14,7 @@ typedef struct {
     hand_key *key;
     uint32_t count;
     double stiffness_N_per_m, damping_Ns_per_m;
+    double tremor_m; /* at 8 to 11 Hz; a hand never holds quite still */
 } hand;
 
 /*
@@ -23,7 +24,7 @@ typedef struct {
 hand hand_load(const char *name_or_path);
 
 /* Where the hand wants the tip at `time_s`; before the first and after the last key it holds as
- * still as a hand can: with a tremor of 0.06 mm at 8 to 11 Hz. */
+ * still as a hand can: with its tremor. */
 void hand_target(const hand *h, double time_s, double x_m[3]);
 
 #endif

@@ -16,6 +16,7 @@ int command_pack(int argc, char **argv);
 int command_unpack(int argc, char **argv);
 /* Of sim, which uses tools. */
 int command_replay(int argc, char **argv);
+int command_zwidth(int argc, char **argv);
 
 /* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay
  * allocated. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "device.h"
 #include "core/device/busload.h"
+#include <float.h>
 
 #define PLAUSIBLE 2.0f             /* a joint may move this many times what its speed limit asks */
 #define FRICTION_SPEED_RAD_S 0.05f /* below it friction is compensated in proportion */
@@ -39,6 +40,17 @@ float palp_device_coupling(const palp_device *device) {
     float limit = damping / (0.5f * period + delay);
     return limit > 0.0f ? palp_min(device->stiffness_max_N_per_m, limit)
                         : device->stiffness_max_N_per_m;
+}
+
+float palp_device_stiffest(const palp_device *device) {
+    float period = 1.0f / device->drives.rate_hz;
+    float seen = period * (1.0f + (float)palp_drive_delay(device->drives.protocol));
+    return device->mass_kg > 0.0f ? 0.5f * device->mass_kg / (seen * seen) : FLT_MAX;
+}
+
+float palp_device_brake(const palp_device *device) {
+    return device->mass_kg > 0.0f ? 0.5f * device->mass_kg * device->drives.rate_hz
+                                  : device->damping_max_Ns_per_m;
 }
 
 float palp_device_joint_speed(const palp_device *device) {

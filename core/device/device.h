@@ -25,7 +25,8 @@ typedef struct {
     float force_max_N, slew_max_N_per_s, speed_max_m_s;
     float workspace_radius_m, tool_radius_m;
     float stiffness_max_N_per_m, damping_max_Ns_per_m; /* most that the device renders well */
-    float damping_Ns_per_m;                            /* of the mechanism itself, at the tip */
+    float mass_kg;          /* of the mechanism as it feels at the tip; 0: not known */
+    float damping_Ns_per_m; /* of the mechanism itself, at the tip */
     palp_compensation compensation;
     float bit_rate_bps, data_rate_bps;
 } palp_device;
@@ -39,6 +40,14 @@ bool palp_device_is_sound(const palp_device *device);
  * coupling's, t_d the age of estimates and the time of the frames on the bus (N/m).
  */
 float palp_device_coupling(const palp_device *device);
+
+/* The stiffest coupling whose oscillation with the mechanism's mass m the loop still follows, 0.7
+ * radians per period and age of estimates: m / (2 (T + t_d)^2) (N/m). Without a mass: no limit. */
+float palp_device_stiffest(const palp_device *device);
+
+/* The strongest brake that the passivity controller may use, which takes half of the mechanism's
+ * momentum in a period: m / (2 T); without a mass the coupling's damping (Ns/m). */
+float palp_device_brake(const palp_device *device);
 
 /* How fast a joint can turn when the tip moves at its limit, with room to spare (rad/s). */
 float palp_device_joint_speed(const palp_device *device);

@@ -354,7 +354,8 @@ float palp_drive_heartbeat_s(palp_protocol protocol) {
 
 bool palp_drive_config_is_sound(const palp_drive_config *c) {
     bool sound = c->counts_per_rev > 0.0f && c->torque_max_Nm > 0.0f && c->rate_hz > 0.0f &&
-                 c->watchdog_s > 0.0f && c->watchdog_s < 60.0f;
+                 c->watchdog_s > 0.0f && c->watchdog_s < 60.0f && c->torque_lag_s >= 0.0f &&
+                 c->torque_lag_s < 0.1f;
     switch (c->protocol) {
     case PALP_PROTOCOL_ODRIVE:
         return sound && !c->fd;

@@ -41,6 +41,7 @@ typedef struct {
     float watchdog_s;      /* asked of drives that can be told: 0.01 to 0.05 */
     palp_mit_range range;  /* MIT */
     uint32_t master_id;    /* MIT: the id of answers */
+    float torque_lag_s;    /* time constant of the drive's torque; 0: at once */
     float rate_hz;         /* of the ticks */
 } palp_drive_config;
 

@@ -11,7 +11,7 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
 
 static bool demand_is_finite(const palp_output_demand *d) {
     bool good = palp_vec3_is_finite(d->force_N) && palp_is_finite(palp_norm(d->force_N)) &&
-                palp_vec3_is_finite(d->velocity_m_s) && palp_is_finite(d->stored_J);
+                palp_is_finite(d->stored_J);
     for (uint32_t i = 0; i < PALP_AXES; i++)
         good = good && palp_is_finite(d->dq_rad_s[i]) && palp_is_finite(d->feedforward_Nm[i]);
     return good;
@@ -46,8 +46,8 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     if (!r.bad) {
         palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
         if (passive != NULL)
-            force = palp_passivity_limit(&output->passivity, passive, force, demand->velocity_m_s,
-                                         demand->stored_J, &r.braked);
+            force = palp_passivity_limit(&output->passivity, passive, force, demand->stored_J,
+                                         &r.braked);
         force = shorten(force, device->force_max_N, &r.limited);
         palp_vec3 change =
             shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);

@@ -18,7 +18,6 @@ typedef struct {
 typedef struct {
     palp_vec3 force_N;               /* wanted at the tip */
     float stored_J;                  /* in what makes it */
-    palp_vec3 velocity_m_s;          /* of the tip */
     float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
 } palp_output_demand;

@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Passivity observer and controller in the time domain (Hannaford and Ryu 2002), for a force that
- * is held for a period T and acts `delay` periods after the position that it answers.
+ * is held for a period T, acts `delay` periods after the position that it answers, and builds up
+ * with the time constant tau of the drives' torque.
  *
- *   observer     E += -f . d + b |d|^2 / T     d: what the tip moved while f was held
+ *   observer     E += -F . d + s b |d|^2 / T     d: what the tip moved, F: mean force meanwhile
  *                E <= what the body and the coupling have stored
- *   controller   the motion that comes is d' = v T. If f . d' would give the hand more than E, the
- *                part of f along d' is lowered until it gives just that, down to a brake of at most
- *                alpha_max |v| against the motion.
+ *   controller   the motion that comes is d' = 2 d - d_before. If F . d' would give the hand more
+ *                than E, f is lowered by alpha d' / T until it gives just that, alpha <= alpha_max.
  *
- * b is the mechanism's own damping, which swallows what sampling leaks: with K T / 2 < b, Colgate
- * and Schenkel's condition, the controller has nothing to do. Capping E at the stored energy keeps
- * what was once dissipated from being spent on an oscillation later.
+ * b is the mechanism's own damping, which swallows what sampling leaks: with K T / 2 < s b, Colgate
+ * and Schenkel's condition with a margin, the controller has nothing to do. The share s = 1/2
+ * leaves the rest to calm what is left: with all of it spent, a bounce would go on for ever.
+ * Capping E at the stored energy keeps what was once dissipated from being spent on an oscillation
+ * later.
  */
 #ifndef PALP_SERVO_PASSIVITY_H
 #define PALP_SERVO_PASSIVITY_H
@@ -22,26 +24,27 @@
 
 typedef struct {
     float damping_Ns_per_m;     /* b */
-    float damping_max_Ns_per_m; /* alpha_max */
+    float damping_max_Ns_per_m; /* alpha_max: palp_device_brake */
     uint32_t delay;             /* below PALP_PASSIVITY_DELAYS */
-    float dt_s;
+    float dt_s, lag_s;          /* T, tau >= 0 */
 } palp_passivity_config;
 
 typedef struct {
     float energy_J;   /* E */
-    float absorbed_J; /* sum of -f . d since the start: net energy that the hand has put in */
+    float absorbed_J; /* sum of -F . d since the start: net energy that the hand has put in */
     palp_vec3 sent_N[PALP_PASSIVITY_DELAYS]; /* ring of held forces */
+    palp_vec3 acting_N;                      /* at the end of the last period */
+    palp_vec3 moved_m, before_m;             /* d, and the one before it */
     uint32_t newest, idle_ticks;
 } palp_passivity;
 
 /* The tip has moved by d since the last tick. */
 void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config, palp_vec3 d_m);
 
-/* The force to send instead of `force_N`, at tip velocity v and with `stored_J` in the body and the
- * coupling; *braked says whether it differs. */
+/* The force to send instead of `force_N`, with `stored_J` in the body and the coupling; *braked
+ * says whether it differs. */
 palp_vec3 palp_passivity_limit(palp_passivity *p, const palp_passivity_config *config,
-                               palp_vec3 force_N, palp_vec3 velocity_m_s, float stored_J,
-                               bool *braked);
+                               palp_vec3 force_N, float stored_J, bool *braked);
 
 /* Records the force that was sent in this tick. */
 void palp_passivity_sent(palp_passivity *p, palp_vec3 force_N);

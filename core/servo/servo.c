@@ -69,12 +69,17 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
      * scale. */
     float scale = config->placement.scale;
     palp_spring *spring = &s->bounded.coupling.spring[0];
-    spring->stiffness_N_per_m = palp_device_coupling(device) / (scale * scale);
-    spring->damping_Ns_per_m = device->damping_max_Ns_per_m / (scale * scale);
+    bool chosen = config->coupling_N_per_m > 0.0f;
+    float wanted = chosen ? config->coupling_N_per_m : palp_device_coupling(device);
+    float k = palp_min(wanted, palp_device_stiffest(device));
+    float b = chosen ? config->coupling_Ns_per_m : device->damping_max_Ns_per_m;
+    spring->stiffness_N_per_m = k / (scale * scale);
+    spring->damping_Ns_per_m = b / (scale * scale);
     s->passive = (palp_passivity_config){.damping_Ns_per_m = device->damping_Ns_per_m,
-                                         .damping_max_Ns_per_m = device->damping_max_Ns_per_m,
+                                         .damping_max_Ns_per_m = palp_device_brake(device),
                                          .delay = palp_drive_delay(device->drives.protocol),
-                                         .dt_s = s->dt_s};
+                                         .dt_s = s->dt_s,
+                                         .lag_s = device->drives.torque_lag_s};
     palp_axes_init(&s->axes, device);
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);
@@ -213,9 +218,7 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
                                palp_sub(pose.tip_m, s->last_tip_m));
     s->last_tip_m = pose.tip_m;
     s->moved = true;
-    palp_output_demand demand = {.force_N = wanted_force(s, &pose, r),
-                                 .stored_J = r->stored_J,
-                                 .velocity_m_s = r->tip_velocity_m_s};
+    palp_output_demand demand = {.force_N = wanted_force(s, &pose, r), .stored_J = r->stored_J};
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         demand.dq_rad_s[i] = r->joint_rad_s[i];
         demand.feedforward_Nm[i] = in->feedforward_Nm[i];

@@ -30,7 +30,9 @@ typedef struct {
     palp_port port;
     palp_tool tool; /* in the model */
     bool resume;    /* leave DAMPING without a reset when all is well again */
-    bool unguarded; /* without the passivity controller: for studies of what it does */
+    /* For studies; 0 and false: as palp_device_coupling and the device say, and guarded. */
+    float coupling_N_per_m, coupling_Ns_per_m; /* used when the first is above 0 */
+    bool unguarded;                            /* without the passivity controller */
 } palp_servo_config;
 
 typedef struct {

@@ -6,7 +6,7 @@
  */
 #include "sim/report.h"
 #include "tests/models.h"
-#include "tests/rig.h"
+#include "sim/rig.h"
 #include "tests/tap.h"
 #include "tools/parallel.h"
 #include "tools/util.h"

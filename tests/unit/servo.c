@@ -2,7 +2,7 @@
 /* Output chain, passivity controller and the tick: what goes out is finite and limited whatever
  * comes in, and the states follow each other as safety.h says. */
 #include "tests/models.h"
-#include "tests/rig.h"
+#include "sim/rig.h"
 #include "tests/tap.h"
 #include "tools/parallel.h"
 #include "tools/util.h"
@@ -56,9 +56,7 @@ static double bounce(bool guarded, double *last) {
         palp_vec3 wanted = {0, 0, (float)(x < 0 ? -k * x : 0)};
         float stored = (float)(x < 0 ? 0.5 * k * x * x : 0);
         bool braked;
-        if (guarded)
-            wanted = palp_passivity_limit(&p, &c, wanted, (palp_vec3){0, 0, (float)(moved / 0.004)},
-                                          stored, &braked);
+        if (guarded) wanted = palp_passivity_limit(&p, &c, wanted, stored, &braked);
         palp_passivity_sent(&p, wanted);
         force = (double)wanted.z;
         for (double t = 0; t < 0.004; t += h) {

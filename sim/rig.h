@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* A servo on a simulated device in virtual time, for tests. */
-#ifndef PALP_TESTS_RIG_H
-#define PALP_TESTS_RIG_H
+/* A servo on a simulated device in virtual time: for studies and tests. */
+#ifndef PALP_SIM_RIG_H
+#define PALP_SIM_RIG_H
 
 #include "core/palp.h"
 #include "sim/bus.h"
