@@ -4,6 +4,7 @@
 CROSS ?=
 BUILD ?= build$(if $(CROSS),/$(patsubst %-,%,$(CROSS)))
 PREFIX ?= /usr/local
+VERSION := 0.2
 CC := $(if $(CROSS),$(CROSS)gcc,$(if $(filter default,$(origin CC)),gcc,$(CC)))
 AR := $(CROSS)ar
 
@@ -27,7 +28,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all static demo test check bench reproduce deps install clean help format
+.PHONY: all static demo test check bench reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -98,7 +99,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/freestanding.sh
+CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/cli/controller.sh tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
@@ -115,12 +116,13 @@ reproduce: all ## the paper's tables and figures from our own models: build/repr
 
 PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
             libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
-            libopenblas0-pthread
+            libopenblas0-pthread qemu-system-arm can-utils python3-can strace libclang-rt-14-dev pkg-config \
+            cyclonedds-dev cyclonedds-tools
 deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := tests/check/sanitize.sh tests/check/same-bits.sh tests/check/browser.sh tests/check/direct.sh tests/check/vm.sh tests/check/reproduce.sh
+CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct logs realtime dds zwidth package fuzz vm reproduce)
 check: all $(UNIT_BIN) ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
 
@@ -128,10 +130,15 @@ install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices
 	install -m 755 $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim $(DESTDIR)$(PREFIX)/bin
 	install -m 644 $(LIB) $(DESTDIR)$(PREFIX)/lib
-	install -m 644 sim/devices/*.dev $(DESTDIR)$(PREFIX)/share/palp/devices
+	install -m 644 sim/devices/*.dev core/device/*.dbc $(DESTDIR)$(PREFIX)/share/palp/devices
+	for m in port/linux/man/*.?; do install -D -m 644 $$m $(DESTDIR)$(PREFIX)/share/man/man$${m##*.}/$${m##*/}; done
 	for h in core/palp.h core/*/*.h; do install -D -m 644 $$h $(DESTDIR)$(PREFIX)/include/palp/$$h; done
-	printf 'prefix=%s\nName: palp\nDescription: feel deformable objects in bounded time\nVersion: 0.1\nCflags: -I$${prefix}/include/palp\nLibs: -L$${prefix}/lib -lpalp\n' \
+	printf 'prefix=%s\nName: palp\nDescription: feel deformable objects in bounded time\nVersion: $(VERSION)\nCflags: -I$${prefix}/include/palp\nLibs: -L$${prefix}/lib -lpalp\n' \
 	    $(PREFIX) > $(DESTDIR)$(PREFIX)/lib/pkgconfig/palp.pc
+
+DEB_ARCH = $(if $(CROSS),$(patsubst aarch64,arm64,$(firstword $(subst -, ,$(CROSS)))),$(shell dpkg --print-architecture))
+deb: all ## a Debian package: build/palp_VERSION_ARCH.deb
+	@CROSS=$(CROSS) DDS=$(DDS) sh port/linux/deb.sh $(BUILD) $(DEB_ARCH) $(VERSION)
 
 format: ## lay out every source file by .clang-format
 	clang-format -i $$(git ls-files '*.c' '*.h')

@@ -258,7 +258,7 @@ device_file device_read(const char *name, const char *text) {
 }
 
 device_file device_load(const char *name_or_path) {
-    char *text = device_text(name_or_path);
+    char *text = raw_text(name_or_path);
     device_file d = device_read(name_or_path, text);
     free(text);
     return d;

@@ -105,8 +105,8 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
         for (uint32_t i = 0; i < n; i++) palp_put_u32(frame.data + 4 * i, t->clock_ns[at + i]);
         candump_write(f, t->time_s, CHANNEL, &frame);
     }
-    const float values[] = {r->force_N.x, r->force_N.y, r->force_N.z, r->tip_m.x,
-                            r->tip_m.y,   r->tip_m.z,   r->stored_J,  r->absorbed_J};
+    const float values[] = {r->force_N.x, r->force_N.y, r->force_N.z,  r->tip_m.x,   r->tip_m.y,
+                            r->tip_m.z,   r->stored_J,  r->absorbed_J, r->elapsed_ns};
     frame = own_frame(ID_RESULT, 64);
     put_u64(frame.data, t->digest);
     frame.data[8] = (uint8_t)r->state;
@@ -114,7 +114,7 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
     frame.data[10] = (uint8_t)r->outer;
     palp_put_u32(frame.data + 12, r->faults);
     palp_put_u32(frame.data + 16, r->active);
-    for (uint32_t i = 0; i < 8; i++) palp_put_f32(frame.data + 20 + 4 * i, values[i]);
+    for (uint32_t i = 0; i < 9; i++) palp_put_f32(frame.data + 20 + 4 * i, values[i]);
     candump_write(f, t->time_s, CHANNEL, &frame);
     for (uint32_t i = 0; i < t->out_count; i++) candump_write(f, t->time_s, bus, &t->out[i]);
 }
@@ -301,19 +301,20 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
         if (!take(r, ID_CLOCK, (uint8_t)(4 * n), &frame)) return false;
         for (uint32_t i = 0; i < n; i++) t->clock_ns[at + i] = palp_get_u32(frame.data + 4 * i);
     }
-    if (!take(r, ID_RESULT, 52, &frame)) return false;
+    if (!take(r, ID_RESULT, 56, &frame)) return false;
     t->digest = get_u64(frame.data);
     t->report.state = (palp_state)frame.data[8];
     t->report.level = frame.data[9];
     t->report.outer = frame.data[10];
     t->report.faults = palp_get_u32(frame.data + 12);
     t->report.active = palp_get_u32(frame.data + 16);
-    float v[8];
-    for (uint32_t i = 0; i < 8; i++) v[i] = palp_get_f32(frame.data + 20 + 4 * i);
+    float v[9];
+    for (uint32_t i = 0; i < 9; i++) v[i] = palp_get_f32(frame.data + 20 + 4 * i);
     t->report.force_N = palp_vec3_at(v);
     t->report.tip_m = palp_vec3_at(v + 3);
     t->report.stored_J = v[6];
     t->report.absorbed_J = v[7];
+    t->report.elapsed_ns = v[8];
     return take_frames(r, t->out, t->out_count);
 }
 

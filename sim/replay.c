@@ -143,7 +143,7 @@ int command_replay(int argc, char **argv) {
         ticks++;
     }
     record_close(reader);
-    if (csv.file != NULL) commit_output(&csv);
+    if (csv.file != NULL && why[0] == '\0') commit_output(&csv);
     if (ticks == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
     if (why[0] != '\0')
         die(EXIT_WORK, "%s: tick %" PRIu64 " at %.6f s: %s", s.log, t->report.tick, t->time_s, why);

@@ -19,6 +19,7 @@ static const struct {
     {"pack", command_pack, "quantise and entropy-code a blob for transport"},
     {"unpack", command_unpack, "a packed blob back into a blob"},
     {"replay", command_replay, "re-run a recorded session bit for bit"},
+    {"report", command_report, "draw a recorded session: one self-contained HTML page"},
     {"zwidth", command_zwidth, "the largest stable stiffness against rate, delay and damping"},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])

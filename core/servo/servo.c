@@ -7,6 +7,8 @@
     1.25f /* workspace radii at which the force begins to fade, over a quarter radius              \
            */
 
+#define SOFTEST 4e-7f /* of the body's stiffness that single precision can tell from it */
+
 struct palp_servo {
     const palp_blob *blob;
     palp_servo_config config;
@@ -73,7 +75,8 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     float wanted = chosen ? config->coupling_N_per_m : palp_device_coupling(device);
     float k = palp_min(wanted, palp_device_stiffest(device));
     float b = chosen ? config->coupling_Ns_per_m : device->damping_max_Ns_per_m;
-    spring->stiffness_N_per_m = k / (scale * scale);
+    spring->stiffness_N_per_m =
+        palp_max(k / (scale * scale), SOFTEST * blob->meta->stiffness_max_N_per_m);
     spring->damping_Ns_per_m = b / (scale * scale);
     s->passive = (palp_passivity_config){.damping_Ns_per_m = device->damping_Ns_per_m,
                                          .damping_max_Ns_per_m = palp_device_brake(device),

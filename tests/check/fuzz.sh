@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # CAN frames, events and missed periods from libFuzzer with address and undefined-behaviour sanitizers: FUZZ_SECONDS (60) of it,
-# begun from the corpus that is kept in tests/fuzz/corpus.
+# begun from the corpus that is kept. KEEP=FOLDER adds what is new to a folder.
 . "$(dirname "$0")/../cli/lib.sh"
 skip() { echo "ok 1 - frame fuzzing # SKIP $1"; echo 1..1; exit 0; }
 command -v clang >/dev/null || skip "clang is not installed (make deps)"
@@ -8,12 +8,12 @@ cd "$here" || exit 1
 sources="tests/fuzz/frames.c $(ls core/*/*.c sim/*.c tools/*.c | grep -vE 'tools/main.c|sim/palp_sim.c')"
 clang -std=c11 -O1 -g -D_GNU_SOURCE -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -ffp-contract=off -I. $sources \
     "$BUILD/devices.c" -pthread -lm -o "$work/fuzz" 2>"$work/errors" || skip "libFuzzer does not link: $(tail -1 "$work/errors")"
-mkdir -p "$work/new"
+mkdir -p "$work/new" && tar -xJf tests/fuzz/corpus.tar.xz -C "$work"
 $palp subdivide blobs/rabbit.obj -o "$work/r.obj" --levels 2 >/dev/null
 $palp bake "$work/r.obj" --as-is -o "$work/body.palp" --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
 export PALP_FUZZ_BLOB=$work/body.palp ASAN_OPTIONS=detect_leaks=0 # host programs free nothing at their end
 timeout 3000 "$work/fuzz" -max_total_time="${FUZZ_SECONDS:-60}" -max_len=1024 -timeout=30 -print_final_stats=1 -artifact_prefix="$work/" \
-    "$work/new" tests/fuzz/corpus >"$work/log" 2>&1
+    "$work/new" "$work/corpus" >"$work/log" 2>&1
 status=$?
 runs=$(sed -n 's/stat::number_of_executed_units: *//p' "$work/log" | head -1) covered=$(grep -oE 'cov: [0-9]+' "$work/log" | tail -1)
 [ "$status" -eq 0 ]; ok $? "no crash, no report, no force out of limits in ${runs:-0} inputs ($covered), ${FUZZ_SECONDS:-60} s$(grep -m1 -E 'ERROR|runtime error' "$work/log")"

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+# The controller's side of the command line: devices, faults, bus load, logs and replay, each also with wrong input.
+. "$(dirname "$0")/lib.sh"
+$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
+$palp bake r.obj --as-is -o body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+$palp bake r.obj --as-is -o other.palp --young 4e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+loop() { $palpd body.palp --bus loop --no-wait --seconds 3 "$@"; }
+
+for device in arm3 desk3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp arm3-palp-fd pantograph delta3; do
+    loop --device $device --log $device.log >out.txt 2>/dev/null
+    status=$?
+    said=$($palp replay $device.log body.palp 2>&1) || status=1
+    grep -q '^largest force *0.000' out.txt && status=1
+    ok $status "$device: feels, and its log repeats: $said"
+done
+
+# ---- replay ----
+$palp replay arm3.log body.palp -o replay.csv >/dev/null && [ "$(wc -l <replay.csv)" -eq 3001 ]; ok $? "replay writes a line per tick"
+$palp report arm3.log -o page.html && grep -q '<svg' page.html; ok $? "report draws a log"
+refuses 1 "not the blob" "replay: another blob" $palp replay arm3.log other.palp
+refuses 2 "cannot be opened" "replay: no such log" $palp replay none.log body.palp
+echo hello >bad.log
+refuses 1 "bad.log:1" "replay: not a log" $palp replay bad.log body.palp
+printf '(0000000000.000000) can0 123#00\n' >foreign.log
+refuses 1 "not a log that palpd" "replay: a candump log of somebody else" $palp replay foreign.log body.palp -o out.csv
+line=$(grep -n ' loop 029#' arm3.log | sed -n 900p | cut -d: -f1)
+sed "${line}s/#..../#3f2e/" arm3.log >bent.log
+refuses 1 "tick [0-9]* at" "replay: one encoder value changed" $palp replay bent.log body.palp -o out.csv
+line=$(grep -n ' palp 1FFF0003' arm3.log | sed -n 1500p | cut -d: -f1)
+sed "${line}s/##1../##1FE/" arm3.log >bent.log
+refuses 1 "tick 1499 at 1.499" "replay: one result changed" $palp replay bent.log body.palp -o out.csv
+sed "${line}d" arm3.log >bent.log
+refuses 1 "damaged" "replay: a line gone" $palp replay bent.log body.palp -o out.csv
+head -c 900000 arm3.log >short.log
+$palp replay short.log body.palp | grep -q 'bit for bit'; ok $? "a log that was cut off repeats as far as it goes"
+
+# ---- faults, states ----
+loop --device arm3 --fault loss@1.5+0.1 >out.txt 2>err.txt
+[ $? -eq 1 ] && grep -q 'FAULT: lost-encoder' err.txt; ok $? "a fault latches and is the exit code: $(grep 'run ended' err.txt)"
+loop --device arm3 --fault overrun@1.5=8 >out.txt 2>err.txt
+[ $? -eq 1 ] && grep -q 'DAMPING' err.txt; ok $? "an overrun of 8 ms ends in DAMPING"
+loop --device arm3 --fault overrun@1.5=8 --resume >out.txt 2>err.txt; ok $? "and with --resume in RUN again"
+loop --device arm3 --fault loss=0.01,duplicate=0.01 --seed 3 >a.txt 2>&1; loop --device arm3 --fault loss=0.01,duplicate=0.01 --seed 3 >b.txt 2>&1
+grep '^frames' a.txt | cut -d';' -f1 >a; grep '^frames' b.txt | cut -d';' -f1 >b; cmp -s a b; ok $? "a seed repeats its faults: $(tr -s ' ' <a)"
+refuses 2 "'melt' in" "unknown fault" loop --device arm3 --fault melt@1
+refuses 2 "not KIND" "fault without a time" loop --device arm3 --fault loss@now
+refuses 2 "give it to palp-sim" "fault on another bus" $palpd body.palp --bus vcan9 --device arm3 --fault loss
+refuses 2 "happen in the controller" "overrun of a device" $palp_sim --bus vcan9 --device arm3 --fault overrun@1
+refuses 2 "needs an end" "lock step without end" $palpd body.palp --bus loop --device arm3 --lockstep --seconds 0
+
+# ---- devices ----
+refuses 1 "111 % of the bus" "a rate that the bus cannot carry" loop --device arm3 --rate 1600
+$palp info --device arm3-cia402 2>err.txt | grep -q '79 % of the bus' && grep -q 'more than 70' err.txt; ok $? "info --device: $(grep -o 'needs.*' err.txt)"
+$palp info --device delta3 --json 2>/dev/null | python3 -c 'import json,sys; d=json.load(sys.stdin); assert 0.7<d["bus_load"]<0.8' 2>/dev/null; ok $? "as JSON"
+refuses 2 "no device" "info: unknown device" $palp info --device nobody
+dev() { printf 'like arm3\n%s\n' "$1" >out.dev; }
+try() { dev "$2"; cp out.dev bad.dev; refuses 2 "$1" "device: $3" loop --device bad.dev; }
+try "is not one of: odrive, cia402" "protocol canbus" "unknown protocol"
+try "moteus speaks CAN FD" "protocol moteus" "moteus without FD"
+try "speak classic CAN" "fd 1
+data-bitrate 5000000" "ODrive over FD"
+try "rated-torque' is missing" "protocol cia402" "CiA 402 without rated torque"
+try "mit-range' is missing" "protocol mit" "MIT without ranges"
+try "node ids must differ" "node 1 1 2" "two drives with one id"
+try "needs 3 values" "gear 10 10" "a gear ratio missing"
+try "do not meet" "kinematics delta
+base 0.1" "links that do not meet"
+try "joint-min of axis 1" "joint-min -80 120 -60" "crossed limits"
+printf 'like bad.dev\n' >bad.dev
+refuses 2 "in a circle" "device: like itself" loop --device bad.dev
+if ! pkg-config --exists CycloneDDS 2>/dev/null; then refuses 2 "built without DDS" "--dds without DDS" loop --device arm3 --dds; fi
+done_testing
