@@ -96,7 +96,7 @@ static uint64_t run_paced(const sim_spec *s, sim_bus *b, wire *w) {
         next += period;
         (void)sleep_until(next);
         strike_wire(w, b);
-        uint32_t n = can_receive(&w->port, frames, SIM_FRAMES_OUT * 2);
+        uint32_t n = can_receive(&w->port, frames, NULL, SIM_FRAMES_OUT * 2);
         for (uint32_t i = 0; i < n; i++) (void)sim_bus_send(b, &frames[i]);
         received += n;
         n = sim_bus_pass(b, 1 / s->rate_hz, frames, SIM_FRAMES_OUT * 2, &events);

@@ -97,7 +97,7 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
     palp_put_u16(frame.data + 20, t->clock_full ? 0xffff : t->clock_count);
     palp_put_u16(frame.data + 22, (uint32_t)late);
     candump_write(f, t->time_s, CHANNEL, &frame);
-    for (uint32_t i = 0; i < t->in_count; i++) candump_write(f, t->time_s, bus, &t->in[i]);
+    for (uint32_t i = 0; i < t->in_count; i++) candump_write(f, t->in_time_s[i], bus, &t->in[i]);
     for (uint32_t at = 0; at < t->clock_count; at += CLOCKS_PER_FRAME) {
         uint32_t n = t->clock_count - at;
         if (n > CLOCKS_PER_FRAME) n = CLOCKS_PER_FRAME;

@@ -35,6 +35,7 @@ typedef struct {
     uint64_t digest; /* of this tick and all before it */
     palp_report report;
     palp_counters counters;
+    double in_time_s[RECORD_FRAMES]; /* when each frame came in, by the kernel */
     palp_can_frame in[RECORD_FRAMES], out[PALP_SERVO_FRAMES_OUT];
     uint32_t clock_ns[RECORD_CLOCKS]; /* after the first */
     palp_load load[RECORD_LOADS];     /* forces on the body, for the display */

@@ -315,6 +315,8 @@ static bool touches(const palp_contact *c, uint32_t tool) {
 
 uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
     palp_contact *c = contact;
+    const uint32_t tools = c->tool_count;
+    if (tools == 0u) return 0; /* init refuses that */
     const palp_blob *b = c->blob;
     proposals p = {.center = center, .fresh = fresh};
     c->flags = 0;
@@ -335,7 +337,7 @@ uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, pal
     uint32_t nodes = b->level[c->level].nodes;
     for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
-        propose(c, &p, c->scan, (c->scan + c->probe) % c->tool_count);
+        propose(c, &p, c->scan, (c->scan + c->probe) % tools);
     }
     return p.found;
 }

@@ -23,7 +23,7 @@ bool lockstep_receive(can_port *port, int timeout_ms, palp_can_frame *frames, ui
     uint32_t n = 0;
     while (can_wait(port, timeout_ms)) {
         palp_can_frame f;
-        if (can_receive(port, &f, 1) == 0) {
+        if (can_receive(port, &f, NULL, 1) == 0) {
             if ((port->events & (PALP_EVENT_BUS_DOWN | PALP_EVENT_BUS_OFF)) != 0) return false;
             continue;
         }
@@ -82,7 +82,7 @@ static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
             l->lockstep_lost++;
         t->in_count = turn.frames;
     } else {
-        t->in_count = can_receive(&l->port, t->in, RECORD_FRAMES);
+        t->in_count = can_receive(&l->port, t->in, t->in_time_s, RECORD_FRAMES);
     }
     t->events |= l->port.events | atomic_exchange(&l->operator_events, 0);
     l->port.events = 0;
@@ -102,6 +102,12 @@ static void send(servo_loop *l, uint32_t tick, const palp_can_frame *frames, uin
         palp_can_frame mark = lockstep_mark(tick, count);
         (void)lockstep_send(&l->port, &mark);
     }
+}
+
+static double wall_s(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static tick_record *next_record(servo_loop *l) {
@@ -124,8 +130,10 @@ static void one_tick(servo_loop *l, uint32_t tick, uint32_t skipped, float late_
     double period_us = 1e6 / l->rate_hz;
     t->late_us = late_us;
     t->skipped = skipped;
-    t->time_s = tick / l->rate_hz;
+    bool wall = l->paced && !l->in_memory;
+    t->time_s = wall ? wall_s() : tick / l->rate_hz;
     receive(l, tick, t);
+    for (uint32_t i = 0; i < t->in_count && !wall; i++) t->in_time_s[i] = t->time_s;
     /* A simulated device waits with us: for it nobody is late. */
     if (!l->in_memory && (double)late_us > 0.5 * period_us) t->events |= PALP_EVENT_LATE;
     palp_tick_input in = {

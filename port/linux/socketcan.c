@@ -16,7 +16,6 @@
 
 #define MAX_FILTERS 16u
 #define CONTROL_BYTES (CMSG_SPACE(sizeof(uint32_t)) + CMSG_SPACE(sizeof(struct timespec)))
-#define NS_PER_S 1000000000ull
 
 static void set_filters(int fd, const palp_can_filter *f, uint32_t count) {
     struct can_filter raw[MAX_FILTERS];
@@ -79,7 +78,9 @@ can_port can_open(const char *interface, bool fd_frames, const palp_can_filter *
     return p;
 }
 
-static void read_control(can_port *p, struct msghdr *message) {
+/* The message's time stamp, 0 without one; notes what the kernel has dropped. */
+static double read_control(can_port *p, struct msghdr *message) {
+    double time_s = 0;
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level != SOL_SOCKET) continue;
         if (c->cmsg_type == SO_RXQ_OVFL) {
@@ -90,9 +91,10 @@ static void read_control(can_port *p, struct msghdr *message) {
         } else if (c->cmsg_type == SO_TIMESTAMPNS) {
             struct timespec t;
             memcpy(&t, CMSG_DATA(c), sizeof t);
-            p->newest_ns = (uint64_t)t.tv_sec * NS_PER_S + (uint64_t)t.tv_nsec;
+            time_s = (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
         }
     }
+    return time_s;
 }
 
 static void take_error(can_port *p, const struct canfd_frame *f) {
@@ -131,7 +133,8 @@ static uint32_t event_of(int error) {
 }
 
 /* One batch; returns how many messages came, and adds data frames to `frames`. */
-static uint32_t receive_batch(can_port *p, palp_can_frame *frames, uint32_t capacity, uint32_t *n) {
+static uint32_t receive_batch(can_port *p, palp_can_frame *frames, double *time_s,
+                              uint32_t capacity, uint32_t *n) {
     struct canfd_frame raw[CAN_BATCH];
     struct iovec data[CAN_BATCH];
     struct mmsghdr message[CAN_BATCH];
@@ -150,19 +153,21 @@ static uint32_t receive_batch(can_port *p, palp_can_frame *frames, uint32_t capa
         return 0;
     }
     for (int i = 0; i < got; i++) {
-        read_control(p, &message[i].msg_hdr);
-        if ((raw[i].can_id & CAN_ERR_FLAG) != 0)
+        double stamp_s = read_control(p, &message[i].msg_hdr);
+        if ((raw[i].can_id & CAN_ERR_FLAG) != 0) {
             take_error(p, &raw[i]);
-        else
-            frames[(*n)++] = from_raw(&raw[i], message[i].msg_len == CANFD_MTU);
+            continue;
+        }
+        if (time_s != NULL) time_s[*n] = stamp_s;
+        frames[(*n)++] = from_raw(&raw[i], message[i].msg_len == CANFD_MTU);
     }
     return (uint32_t)got;
 }
 
-uint32_t can_receive(can_port *port, palp_can_frame *frames, uint32_t capacity) {
+uint32_t can_receive(can_port *port, palp_can_frame *frames, double *time_s, uint32_t capacity) {
     uint32_t n = 0;
     for (uint32_t batch = 0; batch <= capacity / CAN_BATCH && n < capacity; batch++) {
-        if (receive_batch(port, frames, capacity, &n) < CAN_BATCH) break;
+        if (receive_batch(port, frames, time_s, capacity, &n) < CAN_BATCH) break;
     }
     return n;
 }
@@ -170,7 +175,7 @@ uint32_t can_receive(can_port *port, palp_can_frame *frames, uint32_t capacity) 
 void can_drain(can_port *port) {
     palp_can_frame frames[CAN_BATCH];
     for (int i = 0; i < 1000; i++) {
-        if (can_receive(port, frames, CAN_BATCH) == 0) return;
+        if (can_receive(port, frames, NULL, CAN_BATCH) == 0) return;
     }
 }
 

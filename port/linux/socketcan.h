@@ -13,7 +13,6 @@ typedef struct {
     uint32_t dropped;    /* frames that the kernel's receive queue had no room for, in total */
     uint64_t sent, lost; /* frames given to the interface, and refused by it */
     uint64_t error_frames, restarts;
-    uint64_t newest_ns; /* kernel's time stamp (CLOCK_REALTIME) of the last frame; 0: none */
 } can_port;
 
 /*
@@ -23,9 +22,10 @@ typedef struct {
 can_port can_open(const char *interface, bool fd, const palp_can_filter *filter, uint32_t count);
 
 /* Takes up to `capacity` frames that have arrived, in their order, with one system call per
- * CAN_BATCH; returns how many. Error frames become events. */
+ * CAN_BATCH; returns how many. time_s[capacity], or NULL, gets the kernel's time stamps
+ * (CLOCK_REALTIME). Error frames become events. */
 #define CAN_BATCH 16u
-uint32_t can_receive(can_port *port, palp_can_frame *frames, uint32_t capacity);
+uint32_t can_receive(can_port *port, palp_can_frame *frames, double *time_s, uint32_t capacity);
 
 /* Throws away what has queued up. */
 void can_drain(can_port *port);

@@ -13,7 +13,7 @@ for tool in qemu-system-x86_64 qemu-system-aarch64 aarch64-linux-gnu-gcc cpio ap
     command -v $tool >/dev/null || skip "$tool is not installed (make deps)"
 done
 for arch in amd64 arm64; do vm_fetch $arch || skip "Debian's kernel for $arch cannot be downloaded: $(tail -1 "$vm/$arch/log")"; done
-(cd "$here" && make static BUILD="$BUILD" >/dev/null && make CROSS=aarch64-linux-gnu- static >/dev/null) ||
+(cd "$here" && make static BUILD="$BUILD" >/dev/null && make CROSS=aarch64-linux-gnu- BUILD=build/aarch64-linux-gnu static >/dev/null) ||
     { ok 1 "static programs for x86-64 and AArch64"; done_testing; }
 
 mkdir files
