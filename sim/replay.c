@@ -3,6 +3,7 @@
 #include "core/base/crc32c.h"
 #include "record.h"
 #include "sim/report.h"
+#include "sim/subnormals.h"
 #include "tools/args.h"
 #include "tools/commands.h"
 #include "tools/util.h"
@@ -106,6 +107,7 @@ int command_replay(int argc, char **argv) {
     free(data);
     palp_blob blob = load_blob(s.blob);
     recorded_clock clock = {.tick = NULL};
+    subnormals_off(); /* as in the loop */
     session.config.port = (palp_port){.now_ns = read_clock, .context = &clock};
     palp_servo *servo = open_servo(&blob, &session.config);
     output csv = {0};

@@ -5,7 +5,7 @@ cd "$here" || exit 1
 for test in base blob wavelet contact device servo faults; do
     cc=gcc
     $cc -std=c11 -D_GNU_SOURCE -O1 -g -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=undefined \
-        -Wno-psabi -I. -pthread tests/unit/$test.c tests/models.c core/*/*.c \
+        -Wno-psabi -DTRIALS=1 -I. -pthread tests/unit/$test.c tests/models.c core/*/*.c \
         $(ls tools/*.c | grep -v tools/main) $(ls sim/*.c | grep -v palp_sim) $(ls port/linux/*.c | grep -vE "palpd|telemetry_dds") \
         "$BUILD/devices.c" -lm -o "$work/$test" 2>"$work/errors" || cat "$work/errors"
     ASAN_OPTIONS=detect_leaks=0 "$work/$test" >"$work/log" 2>&1
