@@ -13,7 +13,7 @@ void describe_device(const char *name, double rate_hz, bool json) {
     const palp_device *d = &f.device;
     f.device.drives.rate_hz = (float)rate_hz;
     uint32_t axes = palp_axes(&d->kinematics);
-    palp_bus_load load = palp_bus_load_of(&d->drives, axes, d->bit_rate_bps, d->data_rate_bps);
+    palp_bus_load load = palp_bus_load_of(d);
     const char *mechanism = mechanisms[d->kinematics.mechanism];
     const char *protocol = protocols[d->drives.protocol];
     if (json) {

@@ -120,6 +120,9 @@ static void set_key(void *context, const argument *a) {
     palp_device *p = &r->d.device;
     const char *o = a->option;
     if (strcmp(o, "--like") == 0) {
+        for (size_t i = 0; i < KEYS; i++) {
+            if (r->seen[i]) die(EXIT_USAGE, "%s: must be the first key", a->where);
+        }
         if (r->likes++ == MAX_LIKES)
             die(EXIT_USAGE, "%s: devices are like each other in a circle", a->where);
         char *text = raw_text(a->value[0]);
@@ -206,8 +209,10 @@ static void check(const reading *r, const char *name) {
             protocols[p->drives.protocol]);
     if (!palp_device_is_sound(p))
         die(EXIT_USAGE,
-            "%s: node ids must differ and fit the protocol (ODrive and palp 0-63, cia402 1-126, "
-            "moteus 1-63, mit 0-15), mit-range must be above 0, watchdog below 60 s",
+            "%s: node ids must differ (and from master-id) and fit the protocol (ODrive and palp "
+            "0-63, cia402 1-126, "
+            "moteus 1-63, mit 0-15), mit-range must be above 0, watchdog from 0.01 to 0.1 s, "
+            "coulomb and viscous not below 0",
             name);
 }
 
@@ -266,8 +271,7 @@ device_file device_load(const char *name_or_path) {
 
 void device_check_load(const device_file *d, char *text, size_t size) {
     const palp_device *p = &d->device;
-    palp_bus_load load =
-        palp_bus_load_of(&p->drives, palp_axes(&p->kinematics), p->bit_rate_bps, p->data_rate_bps);
+    palp_bus_load load = palp_bus_load_of(p);
     double percent = 100 * (double)load.load;
     snprintf(text, size, "%.0f %% of the bus at worst: %.0f us of frames in each %.0f us", percent,
              1e6 * (double)load.cycle_s, 1e6 / (double)p->drives.rate_hz);

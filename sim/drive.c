@@ -70,6 +70,10 @@ static void sdo_write(sim_drive *d, const palp_sdo *s) {
     if (s->index == 0x6060) d->mode = (uint8_t)s->value;
     if (s->index == 0x1600 && s->sub == 0) d->rpdo_entries = (uint8_t)s->value;
     if (s->index == 0x1a00 && s->sub == 0) d->tpdo_entries = (uint8_t)s->value;
+    if (s->index == 0x1400 && s->sub == 1) d->rpdo_on = (s->value >> 31) == 0;
+    if (s->index == 0x1800 && s->sub == 1) d->tpdo_on = (s->value >> 31) == 0;
+    if (s->index == 0x1800 && s->sub == 2) d->tpdo_type = (uint8_t)s->value;
+    if (s->index == 0x6007) d->lets_go = s->value != 0;
 }
 
 static void sdo_serve(sim_drive *d, const palp_sdo *s) {
@@ -119,7 +123,8 @@ static void cia402_control(sim_drive *d, uint32_t word) {
 }
 
 static void cia402_sync(sim_drive *d) {
-    bool mapped = d->rpdo_entries == 2 && d->tpdo_entries == 3;
+    bool mapped = d->rpdo_entries == 2 && d->tpdo_entries == 3 && d->rpdo_on && d->tpdo_on &&
+                  d->tpdo_type == 1;
     if (d->nmt != PALP_NMT_STATE_OPERATIONAL || !mapped) return;
     cia402_control(d, d->controlword);
     d->live = d->state == PALP_CIA402_ENABLED && d->mode == PALP_CIA402_CST;
@@ -142,7 +147,7 @@ static void cia402_receive(sim_drive *d, const palp_can_frame *f) {
     }
     if (palp_sdo_decode(f, PALP_COB_SDO_REQUEST + d->node, &sdo)) sdo_serve(d, &sdo);
     if (f->id == PALP_COB_HEARTBEAT + PALP_CANOPEN_HOST) d->since_command_s = 0;
-    if (palp_can_is(f, PALP_COB_RPDO1 + d->node, 0, 4)) {
+    if (palp_can_is(f, PALP_COB_RPDO1 + d->node, 0, 4) && d->nmt == PALP_NMT_STATE_OPERATIONAL) {
         uint32_t word = palp_get_u16(f->data);
         if (word != d->controlword) cia402_control(d, word);
         d->target = palp_get_i16(f->data + 2);
@@ -242,7 +247,8 @@ void sim_drive_receive(sim_drive *d, const palp_can_frame *frame) {
 
 void sim_drive_move(sim_drive *d, double h_s) {
     d->since_command_s += h_s;
-    if (d->live && d->since_command_s >= d->watchdog_s) {
+    bool watches = d->config->protocol != PALP_PROTOCOL_CIA402 || d->lets_go;
+    if (d->live && watches && d->since_command_s >= d->watchdog_s) {
         d->live = false;
         d->state = PALP_CIA402_FAULT; /* of CiA 402 and moteus: latched */
     }

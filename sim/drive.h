@@ -26,7 +26,8 @@ typedef struct {
     bool torque_mode;
     /* CiA 402 */
     palp_cia402_state state;
-    uint8_t nmt, mode, rpdo_entries, tpdo_entries;
+    uint8_t nmt, mode, rpdo_entries, tpdo_entries, tpdo_type;
+    bool rpdo_on, tpdo_on, lets_go; /* lets_go: 0x6007 makes silence a fault */
     uint16_t controlword;
     int32_t target;
     /* Palp */

@@ -35,6 +35,9 @@ uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t coun
     h = mix(h, words, sizeof words);
     h = mix(h, &r->force_N, sizeof r->force_N);
     h = mix(h, r->motor_torque_Nm, sizeof r->motor_torque_Nm);
+    h = mix(h, &r->tip_m, sizeof r->tip_m);
+    h = mix(h, &r->stored_J, sizeof r->stored_J);
+    h = mix(h, &r->absorbed_J, sizeof r->absorbed_J);
     return mix(h, &r->tool_m, sizeof r->tool_m);
 }
 
@@ -225,6 +228,8 @@ static void parse_header(session_record *s, const char *path, char *text) {
         if (next != NULL) *next++ = '\0';
         if (strcmp(line, "device") == 0) {
             float rate = s->config.device.drives.rate_hz;
+            if (next != NULL && (strncmp(next, "like ", 5) == 0 || strstr(next, "\nlike ") != NULL))
+                die(EXIT_WORK, "%s: a recorded device stands by itself, without 'like'", path);
             s->device = copy_string(next != NULL ? next : "");
             s->config.device = device_read(path, s->device).device;
             s->config.device.drives.rate_hz = rate;
@@ -302,6 +307,9 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
         for (uint32_t i = 0; i < n; i++) t->clock_ns[at + i] = palp_get_u32(frame.data + 4 * i);
     }
     if (!take(r, ID_RESULT, 56, &frame)) return false;
+    if (frame.data[8] > PALP_STATE_ESTOP || frame.data[9] >= PALP_MAX_LEVELS ||
+        frame.data[10] > frame.data[9])
+        die(EXIT_WORK, "%s:%zu: damaged: state or level out of range", r->path, r->line);
     t->digest = get_u64(frame.data);
     t->report.state = (palp_state)frame.data[8];
     t->report.level = frame.data[9];

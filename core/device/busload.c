@@ -11,16 +11,20 @@ float palp_frame_time_s(uint32_t bytes, bool extended, float bit_rate_bps, float
     return (float)nominal / bit_rate_bps + (float)data / data_rate_bps;
 }
 
-palp_bus_load palp_bus_load_of(const palp_drive_config *config, uint32_t axes, float bit_rate_bps,
-                               float data_rate_bps) {
-    palp_drive_traffic t = palp_drive_traffic_of(config);
-    float fast = config->fd ? data_rate_bps : 0.0f;
-    float one = palp_frame_time_s(t.command_bytes, t.extended, bit_rate_bps, fast) +
-                palp_frame_time_s(t.answer_bytes, false, bit_rate_bps, fast);
-    float slow = t.slow_hz / config->rate_hz * palp_frame_time_s(8, false, bit_rate_bps, 0.0f);
-    palp_bus_load load = {.cycle_s =
-                              (float)axes * (one + slow) +
-                              (float)t.shared * palp_frame_time_s(0, false, bit_rate_bps, 0.0f)};
-    load.load = load.cycle_s * config->rate_hz;
+palp_bus_load palp_bus_load_of(const palp_device *device) {
+    const palp_drive_config *c = &device->drives;
+    uint32_t axes = palp_axes(&device->kinematics);
+    uint8_t highest = 0;
+    for (uint32_t i = 0; i < axes; i++) {
+        if (device->node_id[i] > highest) highest = device->node_id[i];
+    }
+    palp_drive_traffic t = palp_drive_traffic_of(c, highest);
+    float bit = device->bit_rate_bps, fast = c->fd ? device->data_rate_bps : 0.0f;
+    float one = palp_frame_time_s(t.command_bytes, t.command_extended, bit, fast) +
+                palp_frame_time_s(t.answer_bytes, t.answer_extended, bit, fast);
+    float slow = t.slow_hz / c->rate_hz * palp_frame_time_s(8, false, bit, 0.0f);
+    palp_bus_load load = {.cycle_s = (float)axes * (one + slow) +
+                                     (float)t.shared * palp_frame_time_s(0, false, bit, 0.0f)};
+    load.load = load.cycle_s * c->rate_hz;
     return load;
 }

@@ -11,7 +11,7 @@
 #ifndef PALP_DEVICE_BUSLOAD_H
 #define PALP_DEVICE_BUSLOAD_H
 
-#include "core/device/drive.h"
+#include "core/device/device.h"
 
 /* Seconds. data_rate_bps 0: a classic frame. */
 float palp_frame_time_s(uint32_t bytes, bool extended, float bit_rate_bps, float data_rate_bps);
@@ -23,8 +23,7 @@ typedef struct {
 
 #define PALP_BUS_LOAD_ADVISED 0.7f
 
-/* `axes` drives at config->rate_hz. */
-palp_bus_load palp_bus_load_of(const palp_drive_config *config, uint32_t axes, float bit_rate_bps,
-                               float data_rate_bps);
+/* Of all drives of a device at its rate. */
+palp_bus_load palp_bus_load_of(const palp_device *device);
 
 #endif

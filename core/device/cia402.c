@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "cia402.h"
+#include "core/base/real.h"
 
 #define PDO_OFF 0x80000000u
 #define PDO_NO_REMOTE 0x40000000u
@@ -95,11 +96,12 @@ palp_can_frame palp_tpdo_encode(uint8_t node, uint32_t statusword, int32_t posit
     return f;
 }
 
-/* 0x60c2: the cycle as value * 10^index seconds, value at most 255. */
+/* 0x60c2: the cycle as value * 10^index seconds, in whole milliseconds if it can be. */
 static palp_cia402_step cycle_time(uint32_t sub, float rate_hz) {
     float value = 1e3f / rate_hz;
     uint32_t exponent = 0xfdu; /* -3 */
-    while (value < 25.0f) {
+    bool whole = palp_abs(value - (float)(uint32_t)(value + 0.5f)) < 1e-3f;
+    while (!whole && value < 25.0f) {
         value *= 10.0f;
         exponent--;
     }
@@ -110,6 +112,12 @@ static palp_cia402_step cycle_time(uint32_t sub, float rate_hz) {
                               .optional = true};
 }
 
+/* Switches a PDO off that nobody here uses. */
+static palp_cia402_step unused_pdo(uint16_t index) {
+    return (palp_cia402_step){
+        .index = index, .sub = 1, .size = 4, .value = PDO_OFF, .optional = true};
+}
+
 palp_cia402_step palp_cia402_configure(uint32_t i, uint8_t node, float rate_hz,
                                        uint32_t rated_torque_mNm, uint32_t watchdog_ms) {
     const palp_cia402_step steps[PALP_CIA402_STEPS] = {
@@ -117,11 +125,17 @@ palp_cia402_step palp_cia402_configure(uint32_t i, uint8_t node, float rate_hz,
         {.index = 0x6076, .sub = 0, .value = rated_torque_mNm, .mask = 0xffffffffu},
         {.index = 0x1017, .sub = 0, .size = 2, .value = PALP_CIA402_HEARTBEAT_MS},
         {.index = 0x1016, .sub = 1, .size = 4, .value = PALP_CANOPEN_HOST << 16 | watchdog_ms},
-        {.index = 0x6007, .sub = 0, .size = 2, .value = 1, .optional = true}, /* silence: fault */
+        {.index = 0x6007, .sub = 0, .size = 2, .value = 1}, /* silence is a fault */
         {.index = 0x6060, .sub = 0, .size = 1, .value = PALP_CIA402_CST},
         {.index = 0x6061, .sub = 0, .value = PALP_CIA402_CST, .mask = 0xffu},
-        cycle_time(1, rate_hz),
         cycle_time(2, rate_hz),
+        cycle_time(1, rate_hz),
+        unused_pdo(0x1401),
+        unused_pdo(0x1402),
+        unused_pdo(0x1403),
+        unused_pdo(0x1801),
+        unused_pdo(0x1802),
+        unused_pdo(0x1803),
         {.index = 0x1400, .sub = 1, .size = 4, .value = PDO_OFF | (PALP_COB_RPDO1 + node)},
         {.index = 0x1600, .sub = 0, .size = 1, .value = 0},
         {.index = 0x1600, .sub = 1, .size = 4, .value = 0x60400010},
@@ -138,6 +152,7 @@ palp_cia402_step palp_cia402_configure(uint32_t i, uint8_t node, float rate_hz,
         {.index = 0x1a00, .sub = 2, .size = 4, .value = 0x60640020},
         {.index = 0x1a00, .sub = 3, .size = 4, .value = 0x60770010},
         {.index = 0x1a00, .sub = 0, .size = 1, .value = 3},
+        {.index = 0x1800, .sub = 2, .size = 1, .value = 1}, /* at every SYNC */
         {.index = 0x1800, .sub = 1, .size = 4, .value = PDO_NO_REMOTE | (PALP_COB_TPDO1 + node)},
     };
     return steps[i];

@@ -85,7 +85,7 @@ typedef struct {
     bool optional; /* an abort does no harm */
 } palp_cia402_step;
 
-#define PALP_CIA402_STEPS 23u
+#define PALP_CIA402_STEPS 30u
 #define PALP_CIA402_HEARTBEAT_MS 50u
 /* Step `i` for `node` at `rate_hz`, with rated torque in mNm as the drive must report it. */
 palp_cia402_step palp_cia402_configure(uint32_t i, uint8_t node, float rate_hz,

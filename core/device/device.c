@@ -22,6 +22,13 @@ bool palp_device_is_sound(const palp_device *d) {
         bool zero_is_taken = d->drives.protocol == PALP_PROTOCOL_CIA402 ||
                              d->drives.protocol == PALP_PROTOCOL_MOTEUS;
         sound = sound && (d->node_id[i] > 0u || !zero_is_taken);
+        /* answers under a motor's own id would be commands to it */
+        if (d->drives.protocol == PALP_PROTOCOL_MIT)
+            sound = sound && d->node_id[i] != d->drives.master_id;
+        sound = sound && d->compensation.coulomb_Nm[i] >= 0.0f &&
+                d->compensation.viscous_Nms[i] >= 0.0f &&
+                palp_is_finite(d->compensation.coulomb_Nm[i]) &&
+                palp_is_finite(d->compensation.viscous_Nms[i]);
         for (uint32_t k = 0; k < i; k++) sound = sound && d->node_id[i] != d->node_id[k];
     }
     return sound;
@@ -30,11 +37,7 @@ bool palp_device_is_sound(const palp_device *d) {
 float palp_device_coupling(const palp_device *device) {
     const palp_drive_config *c = &device->drives;
     float period = 1.0f / c->rate_hz;
-    float bus = device->bit_rate_bps > 0.0f
-                    ? palp_bus_load_of(c, palp_axes(&device->kinematics), device->bit_rate_bps,
-                                       device->data_rate_bps)
-                          .cycle_s
-                    : 0.0f;
+    float bus = device->bit_rate_bps > 0.0f ? palp_bus_load_of(device).cycle_s : 0.0f;
     float delay = palp_min(bus, period) + (float)palp_drive_delay(c->protocol) * period;
     float damping = device->damping_Ns_per_m + device->damping_max_Ns_per_m;
     float limit = damping / (0.5f * period + delay);
@@ -59,11 +62,12 @@ float palp_device_joint_speed(const palp_device *device) {
 }
 
 void palp_device_compensate(const palp_device *device, const palp_pose *pose,
-                            const float dq_rad_s[PALP_AXES], float torque_Nm[PALP_AXES]) {
+                            const float dq_rad_s[PALP_AXES], float lift_Nm[PALP_AXES],
+                            float friction_Nm[PALP_AXES]) {
     const palp_compensation *c = &device->compensation;
-    palp_pose_torques(pose, c->lift_N, torque_Nm);
+    palp_pose_torques(pose, c->lift_N, lift_Nm);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         float direction = palp_clamp(dq_rad_s[i] / FRICTION_SPEED_RAD_S, -1.0f, 1.0f);
-        torque_Nm[i] += c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];
+        friction_Nm[i] = c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];
     }
 }

@@ -52,8 +52,10 @@ float palp_device_brake(const palp_device *device);
 /* How fast a joint can turn when the tip moves at its limit, with room to spare (rad/s). */
 float palp_device_joint_speed(const palp_device *device);
 
-/* Joint torques of the compensation at a pose and joint velocities. */
+/* Joint torques that hold the mechanism up, and that follow its friction, at a pose and joint
+ * velocities. */
 void palp_device_compensate(const palp_device *device, const palp_pose *pose,
-                            const float dq_rad_s[PALP_AXES], float torque_Nm[PALP_AXES]);
+                            const float dq_rad_s[PALP_AXES], float lift_Nm[PALP_AXES],
+                            float friction_Nm[PALP_AXES]);
 
 #endif

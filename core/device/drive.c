@@ -9,6 +9,8 @@
 #define RAD_PER_REV 6.28318530718f
 #define REPEAT_S 0.1f /* what is not answered is said again */
 #define SDO_TRIES 10u
+#define IDLE_TICKS 8u
+#define RESET_TICKS 16u /* in which a CiA 402 fault is reset, by two edges */
 #define AGE_LIMIT 0x7fffffffu
 
 static const float not_a_number = __builtin_nanf("");
@@ -56,24 +58,31 @@ static palp_can_frame odrive_frame(const palp_drive *d, palp_odrive_message m) {
     return palp_odrive_encode(&m);
 }
 
+/* Zero torque but in TORQUE, so that no old set-point acts, whatever state the drive was found in.
+ */
 static uint32_t odrive_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
                             float torque, palp_can_frame *out) {
+    const palp_odrive_message mode = {.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
+                                      .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
+                                      .input_mode = PALP_ODRIVE_PASSTHROUGH};
+    const palp_odrive_message clear = {.command = PALP_ODRIVE_CLEAR_ERRORS};
+    const palp_odrive_message close = {.command = PALP_ODRIVE_SET_AXIS_STATE,
+                                       .state = PALP_ODRIVE_CLOSED_LOOP};
+    const palp_odrive_message idle = {.command = PALP_ODRIVE_SET_AXIS_STATE,
+                                      .state = PALP_ODRIVE_IDLE};
+    bool on = demand == PALP_DEMAND_ENABLE || demand == PALP_DEMAND_TORQUE;
     bool again = d->since_demand % repeat_ticks(c) == 0u;
-    if (demand == PALP_DEMAND_PROBE || demand == PALP_DEMAND_CONFIGURE) return 0;
-    if (demand == PALP_DEMAND_ENABLE && again) {
-        out[0] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
-                                                       .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
-                                                       .input_mode = PALP_ODRIVE_PASSTHROUGH});
-        out[1] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_CLEAR_ERRORS});
-        out[2] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
-                                                       .state = PALP_ODRIVE_CLOSED_LOOP});
-        return 3;
-    }
     uint32_t n = 0;
-    if (demand == PALP_DEMAND_IDLE && again)
-        out[n++] = odrive_frame(d, (palp_odrive_message){.command = PALP_ODRIVE_SET_AXIS_STATE,
-                                                         .state = PALP_ODRIVE_IDLE});
-    /* zero but in TORQUE, so that no old set-point acts */
+    if (demand == PALP_DEMAND_ENABLE && again) {
+        out[n++] = odrive_frame(d, mode);
+        /* errors are cleared once: one that comes back is for the operator */
+        if (d->since_demand == 0u) out[n++] = odrive_frame(d, clear);
+        out[n++] = odrive_frame(d, close);
+        return n;
+    }
+    /* one that says it is still on is told every few ticks */
+    if (!on && (again || (d->enabled && d->since_demand % IDLE_TICKS == 0u)))
+        out[n++] = odrive_frame(d, idle);
     out[n++] = odrive_frame(
         d, (palp_odrive_message){.command = PALP_ODRIVE_SET_INPUT_TORQUE, .torque_Nm = torque});
     return n;
@@ -94,15 +103,17 @@ static palp_news cia402_answer(palp_drive *d, const palp_drive_config *c, palp_s
     bool probing = d->demand == PALP_DEMAND_PROBE;
     if (probing || sdo.index != step.index || sdo.sub != step.sub)
         return heard(d, PALP_NEWS_STATUS);
-    bool read = step.size == 0u;
-    bool good = read ? (sdo.command & 0xe3u) == 0x43u && (sdo.value & step.mask) == step.value
-                     : sdo.command == PALP_SDO_WRITTEN;
-    if (good || (step.optional && sdo.command == PALP_SDO_ABORT)) {
+    bool read = step.size == 0u, aborted = sdo.command == PALP_SDO_ABORT;
+    bool answered = read ? (sdo.command & 0xe2u) == 0x42u : sdo.command == PALP_SDO_WRITTEN;
+    bool right = !read || (sdo.value & step.mask) == step.value;
+    if ((answered && right) || (step.optional && aborted)) {
         d->step++;
         d->waited = d->tries = 0;
-    } else {
-        d->error = sdo.command == PALP_SDO_ABORT ? sdo.value : PALP_DRIVE_ERROR_UNFIT;
+    } else if (aborted) {
+        d->error = sdo.value;
         d->unfit = true;
+    } else {
+        d->mismatch = true; /* some show a new mode only later: it is read again */
     }
     return heard(d, PALP_NEWS_STATUS);
 }
@@ -140,15 +151,15 @@ static palp_news cia402_receive(palp_drive *d, const palp_drive_config *c,
 /* The next SDO request of the configuration, again when it is not answered. */
 static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp_can_frame *out) {
     if (d->step >= PALP_CIA402_STEPS) {
-        if (d->since_demand % repeat_ticks(c) != 0u && d->waited > 0u) return 0;
-        d->waited = 1;
-        out[0] = palp_nmt_encode(PALP_NMT_START, d->node);
-        return 1;
+        uint32_t n = 0;
+        if (d->waited++ % repeat_ticks(c) == 0u)
+            out[n++] = palp_nmt_encode(PALP_NMT_START, d->node);
+        out[n++] = palp_rpdo_encode(d->node, 0, 0); /* before the first SYNC that counts */
+        return n;
     }
-    if (d->unfit) return 0;
-    if (d->waited++ % repeat_ticks(c) != 0u) return 0;
+    if (d->unfit || d->waited++ % repeat_ticks(c) != 0u) return 0;
     if (d->tries++ >= SDO_TRIES) {
-        d->error = PALP_DRIVE_ERROR_SILENT;
+        d->error = d->mismatch ? PALP_DRIVE_ERROR_UNFIT : PALP_DRIVE_ERROR_SILENT;
         d->unfit = true;
         return 0;
     }
@@ -162,34 +173,33 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
     return 1;
 }
 
+/* A drive that was left operational takes a controlword and a torque of 0 before it leaves that. */
+static uint32_t cia402_probe(const palp_drive *d, const palp_drive_config *c, palp_can_frame *out) {
+    out[0] = palp_rpdo_encode(d->node, 0, 0);
+    if (d->since_demand % repeat_ticks(c) != repeat_ticks(c) / 2u) return 1;
+    out[1] = palp_nmt_encode(PALP_NMT_PREOPERATIONAL, d->node);
+    out[2] = palp_sdo_encode(PALP_COB_SDO_REQUEST + d->node,
+                             (palp_sdo){.command = PALP_SDO_READ, .index = 0x6502});
+    return 3;
+}
+
 static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
                             float torque, palp_can_frame *out) {
     palp_cia402_state state = palp_cia402_state_of(d->statusword);
-    uint32_t controlword = 0, n = 0;
+    uint32_t controlword = 0;
     int32_t thousandths = 0;
-    switch (demand) {
-    case PALP_DEMAND_PROBE:
-        if (d->since_demand % repeat_ticks(c) != 0u) return 0;
-        out[n++] = palp_nmt_encode(PALP_NMT_PREOPERATIONAL, d->node);
-        out[n++] = palp_sdo_encode(PALP_COB_SDO_REQUEST + d->node,
-                                   (palp_sdo){.command = PALP_SDO_READ, .index = 0x6502});
-        return n;
-    case PALP_DEMAND_CONFIGURE:
-        return cia402_configure(d, c, out);
-    case PALP_DEMAND_ENABLE:
+    if (demand == PALP_DEMAND_PROBE) return cia402_probe(d, c, out);
+    if (demand == PALP_DEMAND_CONFIGURE) return cia402_configure(d, c, out);
+    if (demand == PALP_DEMAND_ENABLE) {
         /* one step, or one edge of the fault reset, per four periods: status comes a period late */
-        controlword = palp_cia402_controlword(state, d->since_demand / 4u);
-        break;
-    case PALP_DEMAND_TORQUE:
+        bool resets = state == PALP_CIA402_FAULT && d->since_demand > RESET_TICKS;
+        controlword = resets ? 0u : palp_cia402_controlword(state, d->since_demand / 4u);
+    } else if (demand == PALP_DEMAND_TORQUE) {
         controlword = 0x0f;
         thousandths = palp_saturate(1000.0f * torque / c->rated_torque_Nm, INT16_MIN, INT16_MAX);
-        break;
-    case PALP_DEMAND_OFF:
-    case PALP_DEMAND_IDLE:
-        break;
     }
-    out[n++] = palp_rpdo_encode(d->node, controlword, thousandths);
-    return n;
+    out[0] = palp_rpdo_encode(d->node, controlword, thousandths);
+    return 1;
 }
 
 /* ---- moteus ---- */
@@ -321,7 +331,10 @@ uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config, pal
     if (demand != drive->demand) {
         drive->demand = demand;
         drive->since_demand = drive->waited = drive->tries = 0;
-        if (demand == PALP_DEMAND_CONFIGURE) drive->step = 0;
+        if (demand == PALP_DEMAND_CONFIGURE)
+            drive->step = 0; /* and all that was set up counts for nothing */
+        if (demand == PALP_DEMAND_CONFIGURE && config->protocol == PALP_PROTOCOL_CIA402)
+            drive->configured = false;
     }
     bool sound = demand == PALP_DEMAND_TORQUE && palp_is_finite(torque_Nm);
     float limit = config->torque_max_Nm;
@@ -354,7 +367,7 @@ float palp_drive_heartbeat_s(palp_protocol protocol) {
 
 bool palp_drive_config_is_sound(const palp_drive_config *c) {
     bool sound = c->counts_per_rev > 0.0f && c->torque_max_Nm > 0.0f && c->rate_hz > 0.0f &&
-                 c->watchdog_s > 0.0f && c->watchdog_s < 60.0f && c->torque_lag_s >= 0.0f &&
+                 c->watchdog_s >= 0.0099f && c->watchdog_s <= 0.101f && c->torque_lag_s >= 0.0f &&
                  c->torque_lag_s < 0.1f;
     switch (c->protocol) {
     case PALP_PROTOCOL_ODRIVE:
@@ -399,7 +412,7 @@ uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
     return 0;
 }
 
-palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *c) {
+palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *c, uint8_t highest_node) {
     switch (c->protocol) {
     case PALP_PROTOCOL_ODRIVE:
         return (palp_drive_traffic){.command_bytes = 4, .answer_bytes = 8, .slow_hz = 10};
@@ -407,7 +420,10 @@ palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *c) {
         return (palp_drive_traffic){
             .command_bytes = 4, .answer_bytes = 8, .shared = 1, .slow_hz = 20 + 4 / c->watchdog_s};
     case PALP_PROTOCOL_MOTEUS:
-        return (palp_drive_traffic){.extended = true, .command_bytes = 48, .answer_bytes = 24};
+        return (palp_drive_traffic){.command_extended = true,
+                                    .answer_extended = highest_node > 7u,
+                                    .command_bytes = 48,
+                                    .answer_bytes = 24};
     case PALP_PROTOCOL_MIT:
         return (palp_drive_traffic){.command_bytes = 8, .answer_bytes = 8};
     case PALP_PROTOCOL_PALP:

@@ -3,13 +3,12 @@
  * The controller's side of one drive, whatever protocol it speaks: what it was last heard to say,
  * and what to send it next.
  *
- *     demand     ODrive             CiA 402               moteus      MIT        Palp
- *     PROBE      -                  NMT pre-op, SDO read  stop        exit       off
- *     CONFIGURE  -                  SDO steps, NMT start  stop        exit       off
- *     OFF        zero torque        disable voltage       stop        exit       off
- *     ENABLE     mode, clear, loop  walk of the states    torque 0    enter      clear, torque 0
- *     TORQUE     input torque       target torque         torque      torque     torque
- *     IDLE       axis idle          disable voltage       stop        exit       off
+ *     demand     ODrive             CiA 402                  moteus      MIT        Palp
+ *     PROBE      idle, zero torque  word 0, pre-op, SDO read stop        exit       off
+ *     CONFIGURE  idle, zero torque  SDO steps, start, word 0 stop        exit       off
+ *     OFF, IDLE  idle, zero torque  word 0 (disable voltage) stop        exit       off
+ *     ENABLE     mode, clear, loop  walk of the states       torque 0    enter      clear, torque 0
+ *     TORQUE     input torque       target torque            torque      torque     torque
  *
  * ODrive and Palp drives send estimates on their own; the others answer the controller's frames, so
  * that what a tick reads is one period old (palp_drive_delay). Fields of `palp_drive` that are not
@@ -38,7 +37,7 @@ typedef struct {
     float counts_per_rev;  /* encoder, per motor revolution; the unit of CiA 402 positions */
     float rated_torque_Nm; /* CiA 402: torques are in thousandths of it */
     float torque_max_Nm;   /* motor */
-    float watchdog_s;      /* asked of drives that can be told: 0.01 to 0.05 */
+    float watchdog_s;      /* asked of drives that can be told: 0.01 to 0.1 */
     palp_mit_range range;  /* MIT */
     uint32_t master_id;    /* MIT: the id of answers */
     float torque_lag_s;    /* time constant of the drive's torque; 0: at once */
@@ -70,6 +69,7 @@ typedef struct {
     bool configured;     /* is set up and confirmed */
     bool enabled;        /* acts on torque */
     bool unfit;          /* did not take its configuration, or is not the drive described */
+    bool mismatch;       /* something read back was not what it must be */
     uint32_t error;      /* the drive's own code; 0 when well */
     uint32_t status_age; /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
@@ -124,11 +124,11 @@ uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
 
 /* Most bytes of payload per tick and drive, each way, for the bus load. */
 typedef struct {
-    bool extended;                        /* commands have 29-bit ids */
-    uint32_t command_bytes, answer_bytes; /* of the frames of a tick to and from one drive */
-    uint32_t shared;                      /* empty frames per tick to all */
-    float slow_hz;                        /* 8-byte frames per second and drive besides */
+    bool command_extended, answer_extended; /* 29-bit ids */
+    uint32_t command_bytes, answer_bytes;   /* of the frames of a tick to and from one drive */
+    uint32_t shared;                        /* empty frames per tick to all */
+    float slow_hz;                          /* 8-byte frames per second and drive besides */
 } palp_drive_traffic;
-palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *config);
+palp_drive_traffic palp_drive_traffic_of(const palp_drive_config *config, uint8_t highest_node);
 
 #endif

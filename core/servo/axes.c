@@ -6,15 +6,23 @@
 #define TREMOR_M 1e-4f
 #define FROZEN_TORQUE 0.005f /* share of the motor's limit above which a hand would move */
 
+/* What a reading of a motor's angle is rounded to: the encoder's step, or the wire's. */
+static float reading_step(const palp_device *device) {
+    float encoder = RAD_PER_REV / device->drives.counts_per_rev;
+    bool coarse = device->drives.protocol == PALP_PROTOCOL_MIT;
+    float wire = coarse ? 2.0f * device->drives.range.position_rad / 65535.0f : 0.0f;
+    return palp_max(encoder, wire);
+}
+
 void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
     *axes = (palp_device_axes){.count = palp_axes(&device->kinematics)};
     for (uint32_t i = 0; i < axes->count; i++) {
         axes->drive[i].node = device->node_id[i];
-        axes->limits[i] = (palp_joint_limits){
-            .min_rad = device->joint_min_rad[i],
-            .max_rad = device->joint_max_rad[i],
-            .speed_max_rad_s = palp_device_joint_speed(device),
-            .step_rad = RAD_PER_REV / (device->drives.counts_per_rev * palp_abs(device->gear[i]))};
+        axes->limits[i] =
+            (palp_joint_limits){.min_rad = device->joint_min_rad[i],
+                                .max_rad = device->joint_max_rad[i],
+                                .speed_max_rad_s = palp_device_joint_speed(device),
+                                .step_rad = reading_step(device) / palp_abs(device->gear[i])};
     }
     float reach = device->kinematics.upper_m + device->kinematics.fore_m;
     axes->fine = reach * axes->limits[0].step_rad < TREMOR_M;
@@ -25,7 +33,7 @@ void palp_axes_forget(palp_device_axes *axes) {
     for (uint32_t i = 0; i < axes->count; i++) {
         palp_drive_init(&axes->drive[i], axes->drive[i].node);
         axes->joint[i] = (palp_joint){.age = 0};
-        axes->torque_Nm[i] = 0.0f;
+        axes->push_Nm[i] = 0.0f;
     }
 }
 
@@ -53,7 +61,7 @@ static void take_estimate(palp_device_axes *axes, const palp_device *device, uin
         return;
     }
     bool pushed =
-        axes->fine && palp_abs(axes->torque_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
+        axes->fine && palp_abs(axes->push_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
     j->frozen = pushed && same_bits(q, last) ? j->frozen + 1u : 0u;
 }
 
@@ -113,8 +121,7 @@ uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device, palp_
                         const float torque_Nm[PALP_AXES], uint64_t tick, palp_can_frame *out) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < axes->count; i++) {
-        axes->torque_Nm[i] = demand == PALP_DEMAND_TORQUE ? torque_Nm[i] : 0.0f;
-        n += palp_drive_send(&axes->drive[i], &device->drives, demand, axes->torque_Nm[i], out + n);
+        n += palp_drive_send(&axes->drive[i], &device->drives, demand, torque_Nm[i], out + n);
     }
     return n + palp_drives_send_shared(&device->drives, tick, out + n);
 }

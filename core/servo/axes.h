@@ -11,7 +11,7 @@ typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];
     palp_joint_limits limits[PALP_AXES];
-    float torque_Nm[PALP_AXES]; /* as last sent */
+    float push_Nm[PALP_AXES]; /* motor torques of the touch alone, of the last tick */
     uint32_t count;
     bool fine; /* encoders see a hand's tremor, so that one that stands still is broken */
 } palp_device_axes;

@@ -17,25 +17,36 @@ static bool demand_is_finite(const palp_output_demand *d) {
     return good;
 }
 
+/* What the mechanism asks for besides the touch, at motor i. */
+static float extra_torque(const palp_device *device, const palp_output_demand *demand,
+                          const float *lift, const float *friction, uint32_t i) {
+    float limit = device->drives.torque_max_Nm;
+    float joint = demand->lift * lift[i] + demand->friction * friction[i];
+    float motor = joint / device->gear[i] + demand->lift * demand->feedforward_Nm[i];
+    return palp_clamp(motor, -limit, limit);
+}
+
 /*
  * Motor torques for the force and the compensation, within the motors' limit. When they do not fit,
  * the force shrinks, all axes together, so that its direction stays; returns its share.
  */
 static float motor_torques(const palp_device *device, const palp_pose *pose, palp_vec3 force,
-                           const palp_output_demand *demand, float *motor) {
-    float torque[PALP_AXES], extra[PALP_AXES], share = 1.0f;
-    float limit = device->drives.torque_max_Nm;
-    palp_pose_torques(pose, force, torque);
-    palp_device_compensate(device, pose, demand->dq_rad_s, extra);
-    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
-        torque[i] /= device->gear[i];
-        extra[i] =
-            palp_clamp(extra[i] / device->gear[i] + demand->feedforward_Nm[i], -limit, limit);
-        float room = torque[i] > 0.0f ? limit - extra[i] : limit + extra[i];
-        if (palp_abs(torque[i]) > room) share = palp_min(share, room / palp_abs(torque[i]));
+                           const palp_output_demand *demand, palp_output_result *r) {
+    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES];
+    float share = 1.0f, limit = device->drives.torque_max_Nm;
+    uint32_t axes = palp_axes(&device->kinematics);
+    palp_pose_torques(pose, force, touch);
+    palp_device_compensate(device, pose, demand->dq_rad_s, lift, friction);
+    for (uint32_t i = 0; i < axes; i++) {
+        touch[i] /= device->gear[i];
+        extra[i] = extra_torque(device, demand, lift, friction, i);
+        float room = touch[i] > 0.0f ? limit - extra[i] : limit + extra[i];
+        if (palp_abs(touch[i]) > room) share = palp_min(share, room / palp_abs(touch[i]));
     }
-    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
-        motor[i] = palp_clamp(share * torque[i] + extra[i], -limit, limit);
+    for (uint32_t i = 0; i < axes; i++) {
+        r->touch_torque_Nm[i] = share * touch[i];
+        r->motor_torque_Nm[i] = palp_clamp(share * touch[i] + extra[i], -limit, limit);
+    }
     return share;
 }
 
@@ -52,7 +63,7 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
         palp_vec3 change =
             shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
         force = palp_add(output->last_N, change);
-        float share = motor_torques(device, pose, force, demand, r.motor_torque_Nm);
+        float share = motor_torques(device, pose, force, demand, &r);
         if (share < 1.0f) r.limited = true;
         r.force_N = palp_scale(share, force);
         for (uint32_t i = 0; i < PALP_AXES; i++)

@@ -20,11 +20,13 @@ typedef struct {
     float stored_J;                  /* in what makes it */
     float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
+    float lift, friction; /* shares of the compensation, 0..1; lift also of feed-forward */
 } palp_output_demand;
 
 typedef struct {
     palp_vec3 force_N; /* at the tip, after all limits, without compensation */
     float motor_torque_Nm[PALP_AXES];
+    float touch_torque_Nm[PALP_AXES]; /* of these, for the touch alone */
     bool limited, slewed, braked;
     bool bad; /* something was not finite; force and torques are zero */
 } palp_output_result;

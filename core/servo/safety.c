@@ -60,16 +60,16 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
             s->faults |= PALP_FAULT_CONFIG;
         break;
     case PALP_STATE_READY:
-        if (!steady || !a->configured)
+        if (!a->configured)
             enter(s, PALP_STATE_CONFIG_CHECK);
-        else if ((events & PALP_EVENT_HOLD) == 0u)
+        else if (steady && (events & PALP_EVENT_HOLD) == 0u)
             enter(s, PALP_STATE_ENABLING);
         break;
     case PALP_STATE_ENABLING:
         if (acting && s->well_ticks > 0u)
             enter(s, PALP_STATE_RUN);
-        else if (impatient)
-            s->faults |= PALP_FAULT_ENABLE;
+        else if (impatient || (!a->well && seconds(s, s->state_ticks) > PALP_MEND_S))
+            s->faults |= PALP_FAULT_ENABLE; /* an error that one clearing does not mend */
         break;
     default:
         break;

@@ -64,6 +64,7 @@ typedef enum {
 #define PALP_LOST_S 0.024f   /* encoder age at which the fault latches */
 #define PALP_CHECK_S 0.02f   /* estimates must come every period for so long */
 #define PALP_PATIENCE_S 5.0f /* for configuring and enabling */
+#define PALP_MEND_S 0.5f     /* for a drive's error to go when it is cleared */
 #define PALP_WELL_S 0.05f
 #define PALP_SETTLE_S                                                                              \
     0.02f                  /* drives get this to act on the enable sequence before being believed */

@@ -3,11 +3,8 @@
 
 #define NS_PER_S 1e9f
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
-#define OUTSIDE                                                                                    \
-    1.25f /* workspace radii at which the force begins to fade, over a quarter radius              \
-           */
-
-#define SOFTEST 4e-7f /* of the body's stiffness that single precision can tell from it */
+#define OUTSIDE 1.25f  /* workspace radii at which it begins to fade, over a quarter radius */
+#define SOFTEST 4e-7f  /* of the body's stiffness that single precision can tell from it */
 
 struct palp_servo {
     const palp_blob *blob;
@@ -40,9 +37,10 @@ size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
 }
 
 static bool config_is_sound(const palp_servo_config *c) {
-    return palp_device_is_sound(&c->device) && palp_tool_is_sound(&c->tool) &&
-           c->placement.scale > 0.0f && c->cost.ns_per_operation > 0.0f && c->cost.margin > 0.0f &&
-           c->port.now_ns != NULL;
+    float rate_hz = c->device.drives.rate_hz;
+    return palp_device_is_sound(&c->device) && palp_tool_is_sound(&c->tool) && rate_hz >= 49.0f &&
+           rate_hz <= 20001.0f && c->placement.scale > 0.0f && c->cost.ns_per_operation > 0.0f &&
+           c->cost.margin > 0.0f && c->port.now_ns != NULL;
 }
 
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
@@ -221,7 +219,13 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
                                palp_sub(pose.tip_m, s->last_tip_m));
     s->last_tip_m = pose.tip_m;
     s->moved = true;
-    palp_output_demand demand = {.force_N = wanted_force(s, &pose, r), .stored_J = r->stored_J};
+    /* What holds the mechanism up comes and goes with the force; friction is only followed by who
+     * knows the velocity, and never against the brake of DAMPING. */
+    bool fresh = palp_axes_look(&s->axes).age == 0u && s->safety.state == PALP_STATE_RUN;
+    float gain = palp_safety_gain(&s->safety);
+    palp_vec3 force = wanted_force(s, &pose, r);
+    palp_output_demand demand = {
+        .force_N = force, .stored_J = r->stored_J, .lift = gain, .friction = fresh ? gain : 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         demand.dq_rad_s[i] = r->joint_rad_s[i];
         demand.feedforward_Nm[i] = in->feedforward_Nm[i];
@@ -236,7 +240,10 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     r->braked = out.braked;
     r->force_N = out.force_N;
     r->absorbed_J = s->output.passivity.absorbed_J;
-    for (uint32_t i = 0; i < PALP_AXES; i++) r->motor_torque_Nm[i] = out.motor_torque_Nm[i];
+    for (uint32_t i = 0; i < PALP_AXES; i++) {
+        r->motor_torque_Nm[i] = out.motor_torque_Nm[i];
+        s->axes.push_Nm[i] = out.touch_torque_Nm[i];
+    }
 }
 
 uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,

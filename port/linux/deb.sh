@@ -13,7 +13,7 @@ install -D -m 644 LICENSE "$root/usr/share/doc/palp/copyright"
 gzip -9n "$root"/usr/share/man/man*/*
 depends="libc6 (>= 2.34)"
 [ -n "$DDS" ] && depends="$depends, libddsc0debian"
-mkdir -p "$root/DEBIAN"
+mkdir -p "$root/DEBIAN" "$root/var/lib/palp"
 cat >"$root/DEBIAN/control" <<EOF
 Package: palp
 Version: $version

@@ -8,6 +8,7 @@
 #define STALE_PERIODS 2u /* missed periods after which what has queued up is too old to use */
 #define LOCKSTEP_PATIENCE_MS 5000
 #define CLOSING_TICKS 3
+#define MOST_REFILLS 64
 
 /* ---- lock step ---- */
 
@@ -83,8 +84,15 @@ static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
         t->in_count = turn.frames;
     } else {
         t->in_count = can_receive(&l->port, t->in, t->in_time_s, RECORD_FRAMES);
+        /* More than any tick should bring: the old ones go, so that none waits to be believed. */
+        for (int i = 0; i < MOST_REFILLS && t->in_count == RECORD_FRAMES; i++) {
+            l->port.events |= PALP_EVENT_OVERFLOW;
+            t->in_count = can_receive(&l->port, t->in, t->in_time_s, RECORD_FRAMES);
+        }
     }
-    t->events |= l->port.events | atomic_exchange(&l->operator_events, 0);
+    uint32_t pressed = atomic_exchange(&l->operator_events, 0);
+    if ((pressed & PALP_EVENT_RESET) != 0) l->hold = false;
+    t->events |= l->port.events | pressed | (l->hold ? PALP_EVENT_HOLD : 0);
     l->port.events = 0;
 }
 
@@ -124,15 +132,15 @@ static tick_record *next_record(servo_loop *l) {
     return t;
 }
 
-static void one_tick(servo_loop *l, uint32_t tick, uint32_t skipped, float late_us,
+static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_us,
                      uint64_t *digest) {
     tick_record *t = next_record(l);
     double period_us = 1e6 / l->rate_hz;
     t->late_us = late_us;
     t->skipped = skipped;
     bool wall = l->paced && !l->in_memory;
-    t->time_s = wall ? wall_s() : tick / l->rate_hz;
-    receive(l, tick, t);
+    t->time_s = wall ? wall_s() : (double)tick / l->rate_hz;
+    receive(l, (uint32_t)tick, t);
     for (uint32_t i = 0; i < t->in_count && !wall; i++) t->in_time_s[i] = t->time_s;
     /* A simulated device waits with us: for it nobody is late. */
     if (!l->in_memory && (double)late_us > 0.5 * period_us) t->events |= PALP_EVENT_LATE;
@@ -140,7 +148,7 @@ static void one_tick(servo_loop *l, uint32_t tick, uint32_t skipped, float late_
         .frames = t->in, .count = t->in_count, .skipped = t->skipped, .events = t->events};
     l->current = t;
     t->out_count = palp_servo_tick(l->servo, &in, t->out, &t->report);
-    send(l, tick, t->out, t->out_count);
+    send(l, (uint32_t)tick, t->out, t->out_count);
     palp_servo_spare(l->servo);
     l->current = NULL;
     *digest = record_digest(*digest, t->out, t->out_count, &t->report);
@@ -202,7 +210,7 @@ void *loop_run(void *context) {
         }
         tick += skipped;
         if (!l->in_memory && skipped > STALE_PERIODS) can_drain(&l->port);
-        one_tick(l, (uint32_t)tick, skipped, late_us, &digest);
+        one_tick(l, tick, skipped, late_us, &digest);
         if (l->done++ == 10) faults = minor_faults(); /* by then everything has been touched */
     }
     l->minor_faults = l->done > 10 ? minor_faults() - faults : 0;

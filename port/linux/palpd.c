@@ -36,6 +36,7 @@ static const char help[] =
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
     "  --friction MU       Coulomb friction of the tool, 0 to 10 (default 0)\n"
     "  --resume            leave DAMPING without an operator when all is well again\n"
+    "  --hold              no force until the operator's first SIGUSR1\n"
     "  --log FILE          everything that enters and leaves each tick, in candump format\n"
     "  --report FILE.html  a page with force, latency and energy\n"
     "  --view FILE.svg     the body at the largest force\n"
@@ -63,10 +64,11 @@ static const char help[] =
     "state and\nno fault is latched.\n";
 
 static const option options[] = {
-    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1},  {"--hand", 1},
-    {"--touch", 1},  {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},      {"--priority", 1},
-    {"--log", 1},    {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},     {"--dds", 0},
-    {"--resume", 0}, {"--fault", 1},    {"--seed", 1},      {"--lockstep", 0}, {NULL, 0}};
+    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1}, {"--hand", 1},
+    {"--touch", 1},  {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},     {"--priority", 1},
+    {"--log", 1},    {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},    {"--dds", 0},
+    {"--resume", 0}, {"--hold", 0},     {"--fault", 1},     {"--seed", 1},    {"--lockstep", 0},
+    {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
@@ -80,7 +82,7 @@ typedef struct {
     double rate_hz, seconds, friction;
     uint32_t touch, seed;
     realtime_spec realtime;
-    bool no_wait, resume, lockstep, dds;
+    bool no_wait, resume, hold, lockstep, dds;
 } daemon_spec;
 
 static volatile sig_atomic_t interrupted;
@@ -108,11 +110,9 @@ static void set_option(void *context, const argument *a) {
     const struct {
         const char *name;
         bool *value;
-    } flag[] = {{"--no-wait", &s->no_wait},
-                {"--strict-rt", &s->realtime.strict},
-                {"--resume", &s->resume},
-                {"--lockstep", &s->lockstep},
-                {"--dds", &s->dds}};
+    } flag[] = {{"--no-wait", &s->no_wait},   {"--strict-rt", &s->realtime.strict},
+                {"--resume", &s->resume},     {"--hold", &s->hold},
+                {"--lockstep", &s->lockstep}, {"--dds", &s->dds}};
     if (o == NULL) {
         if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
         s->blob = a->value[0];
@@ -207,7 +207,7 @@ typedef struct {
     peak peak;
     run_record record;
     size_t capacity;
-    uint64_t digest, dropped, dds_dropped;
+    uint64_t digest, followed, last_tick;
     palp_counters counters;
     palp_state last_state;
     bool state_shown;
@@ -232,18 +232,16 @@ static void announce(follower *f, const palp_report *r) {
 
 static void follow_tick(follower *f, const tick_record *t) {
     const palp_report *r = &t->report;
-    uint64_t dropped = atomic_load(&f->loop->ring.dropped);
+    uint64_t lost = f->followed > 0 ? r->tick - f->last_tick - 1 : r->tick;
     if (f->log != NULL) {
-        if (f->loop->paced && dropped != f->dropped)
-            record_write_gap(f->log, t->time_s, dropped - f->dropped);
+        if (lost > 0) record_write_gap(f->log, t->time_s, lost);
         record_write_tick(f->log, f->loop->in_memory ? "loop" : f->spec->bus, t);
     }
-    f->dropped = dropped;
+    f->last_tick = r->tick;
     f->digest = t->digest;
     f->counters = t->counters;
     keep_peak(&f->peak, t);
-    size_t at = f->record.count % f->capacity; /* a longer run keeps its last ticks */
-    if (f->record.count >= f->capacity) at = (size_t)(r->tick % f->capacity);
+    size_t at = (size_t)(f->followed++ % f->capacity); /* a longer run keeps its last ticks */
     f->record.tick[at] = *r;
     if (f->record.late_us != NULL) f->record.late_us[at] = t->late_us;
     if (f->record.count < f->capacity) f->record.count++;
@@ -267,17 +265,21 @@ static void follow(follower *f) {
     }
 }
 
-/* The ring of reports in the order of time. */
-static void unroll(run_record *r) {
-    size_t start = 0;
-    for (size_t i = 1; i < r->count; i++) {
-        if (r->tick[i].tick < r->tick[i - 1].tick) start = i;
+/* Both rings in the order of time. */
+static void unroll(follower *f) {
+    run_record *r = &f->record;
+    size_t start = (size_t)(f->followed % f->capacity);
+    if (f->followed <= f->capacity || start == 0) return;
+    palp_report *tick = allocate(r->count, sizeof *tick);
+    float *late_us = r->late_us != NULL ? allocate(r->count, sizeof *late_us) : NULL;
+    for (size_t i = 0; i < r->count; i++) {
+        tick[i] = r->tick[(start + i) % r->count];
+        if (late_us != NULL) late_us[i] = r->late_us[(start + i) % r->count];
     }
-    if (start == 0) return;
-    palp_report *ordered = allocate(r->count, sizeof *ordered);
-    for (size_t i = 0; i < r->count; i++) ordered[i] = r->tick[(start + i) % r->count];
     free(r->tick);
-    r->tick = ordered;
+    free(r->late_us);
+    r->tick = tick;
+    r->late_us = late_us;
 }
 
 static void open_bus(servo_loop *l, const daemon_spec *s, const device_file *file) {
@@ -398,6 +400,7 @@ int main(int argc, char **argv) {
     loop->rate_hz = s.rate_hz;
     loop->ticks = (uint64_t)(s.seconds * s.rate_hz + 0.5);
     loop->lockstep = s.lockstep;
+    loop->hold = s.hold;
     loop->paced = !s.no_wait && !s.lockstep;
     loop->ring.slots = RING_SLOTS;
     loop->ring.bytes = sizeof(tick_record);
@@ -430,7 +433,7 @@ int main(int argc, char **argv) {
     run(&f);
     if (f.telemetry != NULL) telemetry_close(f.telemetry);
     if (f.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
-    unroll(&f.record);
+    unroll(&f);
 
     run_record *r = &f.record;
     r->counters = f.counters;

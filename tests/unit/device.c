@@ -325,10 +325,14 @@ static void test_load(void) {
                  fabs(1e6 * (double)palp_frame_time_s(known[i].bytes, false, 1e6f, known[i].data) -
                       known[i].us));
     AT_MOST(worst, 0.6, "worst times of ten kinds of frames, us off");
-    palp_drive_config c = device_load("arm3-cia402").device.drives;
-    c.rate_hz = 1342;
-    AT_MOST(fabs((double)palp_bus_load_of(&c, 3, 1e6f, 0).load - 1), 0.07,
+    palp_device d = device_load("arm3-cia402").device;
+    d.drives.rate_hz = 1342;
+    AT_MOST(fabs((double)palp_bus_load_of(&d).load - 1), 0.07,
             "CANopen with three axes fills the bus at 1342 Hz (heartbeats besides)");
+    d = device_load("arm3-moteus").device;
+    float low = palp_bus_load_of(&d).load;
+    d.node_id[2] = 9;
+    CHECK(palp_bus_load_of(&d).load > 1.05f * low, "moteus answers from node 8 on take longer");
 }
 
 int main(void) {

@@ -78,6 +78,7 @@ static void press(hand *h) {
 
 typedef struct {
     double detect_ms, zero_ms; /* -1: never */
+    double drives_ms;          /* until no drive turns its motor any more */
     float before_N;
     bool sound, recovered;
     palp_state state;
@@ -94,6 +95,13 @@ static bool is_sound(const rig *r) {
     return good;
 }
 
+static bool drives_are_off(const rig *r) {
+    for (uint32_t i = 0; i < r->bus.device.axes; i++) {
+        if (fabs(r->bus.device.drive[i].actual_Nm) > 1e-4) return false;
+    }
+    return true;
+}
+
 static uint64_t counter_of(const rig *r, size_t offset) {
     uint64_t v = 0;
     if (offset != SIZE_MAX)
@@ -104,7 +112,7 @@ static uint64_t counter_of(const rig *r, size_t offset) {
 static trial strike(const specification *s, const char *device, uint64_t seed) {
     char list[64];
     rig r;
-    trial t = {.detect_ms = -1, .zero_ms = -1, .sound = true};
+    trial t = {.detect_ms = -1, .zero_ms = -1, .drives_ms = -1, .sound = true};
     double onset = 1.0 + 0.0001 * (double)(seed * 7919 % 6000);
     snprintf(list, sizeof list, s->list, onset);
     rig_start(&r, &body.blob, device, 1000, "touch", list, seed);
@@ -129,6 +137,10 @@ static trial strike(const specification *s, const char *device, uint64_t seed) {
                 : 0;
         bool zero =
             palp_norm(r.report.force_N) <= 0.01f + 1.1f * brake && r.report.state != PALP_STATE_RUN;
+        if (!drives_are_off(&r))
+            t.drives_ms = -1;
+        else if (t.drives_ms < 0)
+            t.drives_ms = ms;
         if (!zero) t.zero_ms = -1;
         if (t.zero_ms < 0 && zero) t.zero_ms = ms;
     }
@@ -151,7 +163,7 @@ static bool as_specified(const specification *s, const trial *t) {
 }
 
 static void test_fault(const specification *s, uint64_t *seed) {
-    double detect[2] = {1e9, 0}, zero[2] = {1e9, 0};
+    double detect[2] = {1e9, 0}, zero[2] = {1e9, 0}, drives[2] = {1e9, 0};
     bool good = true;
     char why[1024] = "", states[128];
     uint32_t seen_faults = 0, seen_states = 0;
@@ -163,6 +175,13 @@ static void test_fault(const specification *s, uint64_t *seed) {
                            (t.detect_ms >= 0 && t.detect_ms <= s->detect_ms);
             if (t.state != PALP_STATE_RUN && s->zero_ms > 0)
                 in_time = in_time && t.zero_ms >= 0 && t.zero_ms <= s->zero_ms;
+            /* On a cut bus the drives' own watchdogs end it. */
+            double backstop = 1000 * (double)device_load(devices[d]).device.drives.watchdog_s + 5;
+            if (t.state == PALP_STATE_FAULT && s->outcome == LATCHES) {
+                in_time = in_time && t.drives_ms >= 0 && t.drives_ms <= s->zero_ms + backstop;
+                drives[0] = fmin(drives[0], t.drives_ms);
+                drives[1] = fmax(drives[1], t.drives_ms);
+            }
             seen_faults |= t.faults;
             seen_states |= 1u << t.state;
             least_N = fminf(least_N, t.before_N);
@@ -189,11 +208,76 @@ static void test_fault(const specification *s, uint64_t *seed) {
         if ((seen_states >> i & 1u) != 0)
             snprintf(states + used, sizeof states - used, " %s", report_state((palp_state)i));
     }
-    char times[2][48] = {"-", "-"};
+    char times[3][48] = {"-", "-", "-"};
     if (detect[1] > 0) snprintf(times[0], 48, "%.1f-%.1f ms", detect[0], detect[1]);
     if (zero[1] > 0) snprintf(times[1], 48, "%.1f-%.1f ms", zero[0], zero[1]);
-    CHECK(good, "%-24s seen %-16s zero %-16s from %.2f N; %s%s", s->name, times[0], times[1],
-          (double)least_N, states, why);
+    if (drives[1] > 0) snprintf(times[2], 48, "%.1f-%.1f ms", drives[0], drives[1]);
+    CHECK(good, "%-24s seen %-16s zero %-16s at the motors %-16s from %.2f N; %s%s", s->name,
+          times[0], times[1], times[2], (double)least_N, states, why);
+}
+
+/* The controller dies in the middle of a press; its successor finds drives that never let go by
+ * themselves (ODrive's watchdog is off when it leaves the factory) and must first make them. */
+static void test_death(void) {
+    for (size_t d = 0; d < DEVICES; d++) {
+        rig r;
+        rig_start(&r, &body.blob, devices[d], 1000, "touch", NULL, 1);
+        press(&r.bus.script);
+        rig_run(&r, 1.3);
+        double torque = 0;
+        for (uint32_t i = 0; i < 3; i++)
+            torque = fmax(torque, fabs(r.bus.device.drive[i].actual_Nm));
+        palp_can_frame in[64];
+        uint32_t events;
+        int ms = 0;
+        for (; ms < 200 && !drives_are_off(&r); ms++)
+            (void)sim_bus_pass(&r.bus, 0.001, in, 64, &events);
+        double limit = 1000 * (double)r.file.device.drives.watchdog_s + 3;
+        CHECK(torque > 1e-3 && ms <= limit,
+              "%s: controller dead: its watchdogs take %.1f mNm away in %d ms", devices[d],
+              1000 * torque, ms);
+        rig_stop(&r);
+
+        rig_start(&r, &body.blob, devices[d], 1000, "touch", NULL, 1);
+        press(&r.bus.script);
+        rig_run(&r, 1.3);
+        palp_servo_config config = rig_config(&r, &body.blob);
+        size_t bytes = palp_servo_memsize(&body.blob, config.limits);
+        void *memory = allocate_aligned(bytes, 1);
+        if (palp_servo_open(&r.servo, &body.blob, &config, memory, bytes, NULL) != PALP_OK)
+            die(EXIT_WORK, "the servo does not open");
+        double worst = 0;
+        for (int i = 0; i < 600; i++) {
+            for (uint32_t k = 0; k < 3; k++) r.bus.device.drive[k].watchdog_s = 1e9;
+            rig_tick(&r);
+            for (uint32_t k = 0; k < 3 && i > 2 && r.report.state < PALP_STATE_RUN; k++)
+                worst = fmax(worst, fabs(r.bus.device.drive[k].actual_Nm));
+        }
+        /* MIT's nearest torque to zero is half a step */
+        double zero = r.file.device.drives.range.torque_Nm / 4095 * 1.01f + 1e-4f;
+        CHECK(r.report.state == PALP_STATE_RUN && worst <= zero,
+              "%s: a new controller takes old set-points away before anything else: %.2f mNm",
+              devices[d], 1000 * worst);
+        /* The same from DAMPING by a reset. */
+        r.silent = true;
+        rig_run(&r, 0.008);
+        r.silent = false;
+        rig_run(&r, 0.05);
+        bool damping = r.report.state == PALP_STATE_DAMPING;
+        r.more_events = PALP_EVENT_RESET;
+        worst = 0;
+        for (int i = 0; i < 600; i++) {
+            for (uint32_t k = 0; k < 3; k++) r.bus.device.drive[k].watchdog_s = 1e9;
+            rig_tick(&r);
+            for (uint32_t k = 0; k < 3 && i > 2 && r.report.state < PALP_STATE_RUN; k++)
+                worst = fmax(worst, fabs(r.bus.device.drive[k].actual_Nm));
+        }
+        CHECK(damping && r.report.state == PALP_STATE_RUN && worst <= zero,
+              "%s: nor does one act after a reset from DAMPING: %.2f mNm", devices[d],
+              1000 * worst);
+        free(memory);
+        rig_stop(&r);
+    }
 }
 
 /* A little of everything, all the time. */
@@ -228,6 +312,7 @@ int main(void) {
     body = model_bake(twice, 0.004, 0.05, false, false);
     uint64_t seed = 0;
     for (size_t i = 0; i < SPECIFICATIONS; i++) test_fault(&specifications[i], &seed);
+    test_death();
     test_soup(1000);
     CHECK(all_ticks >= 250000 * TRIALS, "%llu ticks in all", (unsigned long long)all_ticks);
     return tap_done();

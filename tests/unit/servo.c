@@ -227,6 +227,16 @@ static void test_compensation(void) {
         double target[3];
         hand_target(&r.bus.script, r.bus.time_s, target);
         drop[with] = target[2] - r.bus.device.x_m[2];
+        if (with == 1) {
+            rig_run(&r, 1.5);
+            CHECK(r.report.state == PALP_STATE_RUN, "and rests there without a fault");
+            r.silent = true;
+            rig_run(&r, 0.02);
+            double left = 0;
+            for (int k = 0; k < 3; k++)
+                left = fmax(left, fabs((double)r.report.motor_torque_Nm[k]));
+            AT_MOST(left, 1e-6, "compensation fades with the force when frames stay away, Nm");
+        }
         rig_stop(&r);
     }
     CHECK(drop[0] > 0.006, "a weight of 0.8 N pulls the hand down %.1f mm", 1e3 * drop[0]);
