@@ -29,6 +29,10 @@ refuses 1 "tick [0-9]* at" "replay: one encoder value changed" $palp replay bent
 line=$(grep -n ' palp 1FFF0003' arm3.log | sed -n 1500p | cut -d: -f1)
 sed "${line}s/##1../##1FE/" arm3.log >bent.log
 refuses 1 "tick 1499 at 1.499" "replay: one result changed" $palp replay bent.log body.palp -o out.csv
+sed -E "${line}s/##1(.{16})04/##1\\106/" arm3.log >bent.log
+refuses 1 "tick 1499 at 1.499" "replay: one recorded state changed" $palp replay bent.log body.palp -o out.csv
+sed -E "${line}s/##1(.{16})04/##1\\1FA/" arm3.log >bent.log
+refuses 1 "state or level out of range" "report: a state that is none" $palp report bent.log -o out.html
 sed "${line}d" arm3.log >bent.log
 refuses 1 "damaged" "replay: a line gone" $palp replay bent.log body.palp -o out.csv
 head -c 900000 arm3.log >short.log
@@ -66,6 +70,10 @@ try "needs 3 values" "gear 10 10" "a gear ratio missing"
 try "do not meet" "kinematics delta
 base 0.1" "links that do not meet"
 try "joint-min of axis 1" "joint-min -80 120 -60" "crossed limits"
+printf 'force-max 3\nlike arm3\n' >bad.dev
+refuses 2 "must be the first key" "device: like after another key" loop --device bad.dev
+printf 'like arm3-mit\nmaster-id 2\n' >bad.dev
+refuses 2 "from master-id" "device: answers under a motor's own id" loop --device bad.dev
 printf 'like bad.dev\n' >bad.dev
 refuses 2 "in a circle" "device: like itself" loop --device bad.dev
 if ! pkg-config --exists CycloneDDS 2>/dev/null; then refuses 2 "built without DDS" "--dds without DDS" loop --device arm3 --dds; fi
