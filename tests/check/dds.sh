@@ -12,8 +12,7 @@ cat >lo.xml <<'EOF'
 <Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>
 EOF
 export CYCLONEDDS_URI=file://$work/lo.xml
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body body.palp
 
 ./subscriber 7 >got.csv &
 sleep 1

@@ -9,8 +9,7 @@ sources="tests/fuzz/frames.c $(ls core/*/*.c sim/*.c tools/*.c | grep -vE 'tools
 clang -std=c11 -O1 -g -D_GNU_SOURCE -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -ffp-contract=off -I. $sources \
     "$BUILD/devices.c" -pthread -lm -o "$work/fuzz" 2>"$work/errors" || skip "libFuzzer does not link: $(tail -1 "$work/errors")"
 mkdir -p "$work/new" && tar -xJf tests/fuzz/corpus.tar.xz -C "$work"
-$palp subdivide blobs/rabbit.obj -o "$work/r.obj" --levels 2 >/dev/null
-$palp bake "$work/r.obj" --as-is -o "$work/body.palp" --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body "$work/body.palp"
 export PALP_FUZZ_BLOB=$work/body.palp ASAN_OPTIONS=detect_leaks=0 # host programs free nothing at their end
 timeout 3000 "$work/fuzz" -max_total_time="${FUZZ_SECONDS:-60}" -max_len=1024 -timeout=30 -print_final_stats=1 -artifact_prefix="$work/" \
     "$work/new" "$work/corpus" >"$work/log" 2>&1

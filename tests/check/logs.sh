@@ -2,8 +2,7 @@
 # Our logs and frames in the hands of others: python3-can, a DBC decoder that knows nothing of us, can-utils.
 . "$(dirname "$0")/../cli/lib.sh"
 python=$(for p in /usr/bin/python3 python3; do $p -c 'import can' 2>/dev/null && { echo $p; break; }; done)
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body body.palp
 for kind in palp palp-fd; do
     $palpd body.palp --bus loop --device arm3-$kind --seconds 4 --no-wait --log $kind.log >/dev/null 2>&1
     $palp replay $kind.log body.palp -o $kind.csv >/dev/null; ok $? "$kind: a log of $(grep -c . $kind.log) lines"

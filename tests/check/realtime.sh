@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: MIT
 # What the real-time loop does besides its work: allocations (preloaded trap), system calls (strace), page faults (getrusage).
 . "$(dirname "$0")/../cli/lib.sh"
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body body.palp
 gcc -shared -fPIC -O1 -w "$here/tests/check/trap.c" -o trap.so
 LD_PRELOAD=$work/trap.so $palpd body.palp --bus loop --device arm3 --seconds 3 --log run.log >out.txt 2>err.txt
 line=$(grep '^trap:' err.txt)

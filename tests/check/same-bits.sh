@@ -2,8 +2,7 @@
 # The same blob and the same frames give the same bits from every compiler, level and target that is here.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-"$palp" subdivide blobs/rabbit.obj -o "$work/r.obj" --levels 2 >/dev/null
-"$palp" bake "$work/r.obj" --as-is -o "$work/r.palp" --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body "$work/r.palp"
 "$palpd" "$work/r.palp" --bus loop --device arm3 --seconds 6 --no-wait --log "$work/r.log" >/dev/null
 grep -qE ' loop 0(29|49|69)#' "$work/r.log"
 ok $? "a log of $(grep -c . "$work/r.log") frames"

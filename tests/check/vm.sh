@@ -17,8 +17,7 @@ for arch in amd64 arm64; do vm_fetch $arch || skip "Debian's kernel for $arch ca
     { ok 1 "static programs for x86-64 and AArch64"; done_testing; }
 
 mkdir files
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o files/body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body files/body.palp
 all="arm3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp arm3-palp-fd"
 classic="arm3 arm3-cia402 arm3-mit arm3-palp"
 seconds=$(awk "BEGIN{print $TICKS/1000}")

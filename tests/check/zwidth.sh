@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: MIT
 # The Z-width study: without the passivity controller the limit follows Colgate's line, with it nothing is unstable.
 . "$(dirname "$0")/../cli/lib.sh"
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o stiff.palp --young 1e9 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body stiff.palp 1e9
 for device in arm3 delta3 pantograph; do
     $palp zwidth stiff.palp --device $device -o $device >$device.txt 2>&1
     ok $? "$device: $(tail -1 $device.txt | sed 's/; see.*//')"

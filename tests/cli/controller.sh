@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
 # The controller's side of the command line: devices, faults, bus load, logs and replay, each also with wrong input.
 . "$(dirname "$0")/lib.sh"
-$palp subdivide "$here/blobs/rabbit.obj" -o r.obj --levels 2 >/dev/null
-$palp bake r.obj --as-is -o body.palp --young 3e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
-$palp bake r.obj --as-is -o other.palp --young 4e4 --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+small_body body.palp
+small_body other.palp 4e4
 loop() { $palpd body.palp --bus loop --no-wait --seconds 3 "$@"; }
 
 for device in arm3 desk3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp arm3-palp-fd pantograph delta3; do

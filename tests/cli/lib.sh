@@ -31,4 +31,10 @@ refuses() {
     fi
 }
 
+# small_body OUT.palp [YOUNG]: the rabbit with 642 nodes
+small_body() {
+    $palp subdivide "$here/blobs/rabbit.obj" -o "$work/rabbit.obj" --levels 2 >/dev/null
+    $palp bake "$work/rabbit.obj" --as-is -o "$1" --young "${2:-3e4}" --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
+}
+
 done_testing() { echo "1..$count"; exit $failed; }
