@@ -55,6 +55,11 @@ if [ -x /bin/candump ]; then
     grep ' vcan0 ' /tmp/part | head -n 3000 | cut -d' ' -f3 >/tmp/sent; cut -d' ' -f3 /tmp/dump >/tmp/heard; wc -l </tmp/heard
     cmp /tmp/sent /tmp/heard && echo "CANPLAYER \$(wc -l </tmp/heard) frames"
 fi
+if [ -x /bin/strace ]; then
+    palp-sim \$A --seconds 4 >/tmp/sim & strace -f -o /tmp/trace palpd /body.palp \$A --priority 45 --seconds 3 >/dev/null 2>&1; wait
+    T=\$(grep -m1 'clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME' /tmp/trace | cut -d' ' -f1)
+    echo "CALLS \$(grep "^\$T " /tmp/trace | grep -v resumed | awk '/clock_nanosleep/{n++} n>20{sub(/\\(.*/,"",\$2); c[\$2]++} END{for(k in c) printf "%s %d; ", k, c[k]}')"
+fi
 palp-sim \$A --seconds 4 >/tmp/sim & palpd /body.palp \$A --priority 80 --seconds 6; echo "EXIT-B \$?"; wait
 palpd /body.palp \$A --priority 80 --seconds 1; echo "EXIT-C \$?"
 palp-sim \$A --seconds 6 --fault busoff@2+0.1 >/tmp/sim & palpd /body.palp \$A --priority 45 --seconds 5; echo "EXIT-D \$?"; wait
@@ -108,6 +113,11 @@ if command -v candump >/dev/null; then
     grep -q 'CANPLAYER 3000 frames' $out; ok $? "canplayer sends our log again and candump writes the same frames in the same order"
 else
     count=$((count + 1)); echo "ok $count - candump and canplayer # SKIP can-utils is not installed (make deps)"
+fi
+if command -v strace >/dev/null; then
+    calls=$(sed -n 's/^CALLS //p' $out)
+    echo "$calls" | grep -q 'recvmmsg [1-9]' && [ -z "$(echo "$calls" | tr ';' '\n' | awk 'NF{print $1}' | grep -vE '^(clock_nanosleep|recvmmsg|write|exit|madvise|munmap|rt_sigprocmask|getrusage|\+\+\+)$')" ]
+    ok $? "over SocketCAN the loop only sleeps, receives and sends (its end included): $calls"
 fi
 grep -q 'EXIT-B 1' $out && sed -n '/EXIT-A/,/EXIT-B/p' $out | grep -q 'FAULT: lost-encoder'; ok $? "a device that falls silent latches a fault, exit 1"
 grep -q 'EXIT-C 1' $out && grep -q 'waiting for heartbeats' $out; ok $? "without a device palpd says what it waits for, exit 1"

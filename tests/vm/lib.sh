@@ -27,7 +27,7 @@ vm_initrd() {
     done
     cp "$vm/$arch/busybox" "$static/palpd" "$static/palp-sim" "$root/bin/"
     for tool in canlink slcan; do $cc -O1 -static -std=gnu11 -o "$root/bin/$tool" "$here/tests/vm/$tool.c" || return 1; done
-    [ $arch = amd64 ] && for tool in candump canplayer; do # can-utils of the host, with their libraries
+    [ $arch = amd64 ] && for tool in candump canplayer strace; do # of the host, with their libraries
         file=$(command -v $tool) || continue
         cp "$file" "$root/bin/"
         for lib in $(ldd "$file" | grep -oE '/lib[^ ]+'); do mkdir -p "$root${lib%/*}" && cp "$lib" "$root$lib"; done
