@@ -43,11 +43,14 @@ static uint32_t repeat_ticks(const palp_drive_config *c) {
 static palp_news odrive_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_odrive_message m;
     if (frame->id >> 5 != d->node) return PALP_NEWS_NONE;
+    if (palp_odrive_is_telemetry(frame)) return PALP_NEWS_STATUS;
     if (!palp_odrive_decode(frame, &m)) return PALP_NEWS_BAD;
     if (m.command == PALP_ODRIVE_ENCODER_ESTIMATES)
         return estimate(d, m.position_rev, m.velocity_rev_s);
-    if (m.command != PALP_ODRIVE_HEARTBEAT) return PALP_NEWS_BAD;
+    if (m.command != PALP_ODRIVE_HEARTBEAT && m.command != PALP_ODRIVE_GET_ERROR)
+        return PALP_NEWS_BAD;
     d->error = m.error;
+    if (m.command == PALP_ODRIVE_GET_ERROR) return PALP_NEWS_STATUS; /* but no heartbeat */
     d->enabled = m.state == PALP_ODRIVE_CLOSED_LOOP;
     d->configured = true;
     return heard(d, PALP_NEWS_STATUS);

@@ -5,12 +5,14 @@
 static uint8_t payload_length(uint32_t command) {
     switch (command) {
     case PALP_ODRIVE_ESTOP:
-    case PALP_ODRIVE_CLEAR_ERRORS:
         return 0;
+    case PALP_ODRIVE_CLEAR_ERRORS:
+        return 1;
     case PALP_ODRIVE_SET_AXIS_STATE:
     case PALP_ODRIVE_SET_INPUT_TORQUE:
         return 4;
     case PALP_ODRIVE_HEARTBEAT:
+    case PALP_ODRIVE_GET_ERROR:
     case PALP_ODRIVE_ENCODER_ESTIMATES:
     case PALP_ODRIVE_SET_CONTROLLER_MODE:
         return 8;
@@ -19,12 +21,18 @@ static uint8_t payload_length(uint32_t command) {
     }
 }
 
+bool palp_odrive_is_telemetry(const palp_can_frame *frame) {
+    const uint32_t commands = 1u << 0x0a | 1u << 0x14 | 1u << 0x15 | 1u << 0x17 | 1u << 0x1c;
+    return frame->flags == 0u && frame->length == 8u &&
+           (commands >> (frame->id & 0x1fu) & 1u) != 0u;
+}
+
 bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *message) {
     uint32_t command = frame->id & 0x1fu;
-    /* Newer firmware sends CLEAR_ERRORS with one byte; both are accepted. */
-    bool long_clear = command == PALP_ODRIVE_CLEAR_ERRORS && frame->length == 1u;
+    /* Older firmware has CLEAR_ERRORS without its byte; both are accepted. */
+    bool short_clear = command == PALP_ODRIVE_CLEAR_ERRORS && frame->length == 0u;
     if (frame->flags != 0u || frame->id > 0x7ffu) return false;
-    if (frame->length != payload_length(command) && !long_clear) return false;
+    if (frame->length != payload_length(command) && !short_clear) return false;
     const uint8_t *d = frame->data;
     *message = (palp_odrive_message){.node = (uint8_t)(frame->id >> 5),
                                      .command = (palp_odrive_command)command};
@@ -32,6 +40,9 @@ bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *messag
     case PALP_ODRIVE_HEARTBEAT:
         message->error = palp_get_u32(d);
         message->state = d[4];
+        break;
+    case PALP_ODRIVE_GET_ERROR:
+        message->error = palp_get_u32(d);
         break;
     case PALP_ODRIVE_SET_AXIS_STATE:
         message->state = palp_get_u32(d);
@@ -61,6 +72,9 @@ palp_can_frame palp_odrive_encode(const palp_odrive_message *message) {
     case PALP_ODRIVE_HEARTBEAT:
         palp_put_u32(f.data, message->error);
         f.data[4] = (uint8_t)message->state;
+        break;
+    case PALP_ODRIVE_GET_ERROR:
+        palp_put_u32(f.data, message->error);
         break;
     case PALP_ODRIVE_SET_AXIS_STATE:
         palp_put_u32(f.data, message->state);

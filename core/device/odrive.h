@@ -11,6 +11,7 @@
 typedef enum {
     PALP_ODRIVE_HEARTBEAT = 0x01,
     PALP_ODRIVE_ESTOP = 0x02,
+    PALP_ODRIVE_GET_ERROR = 0x03, /* cyclic, if it is switched on */
     PALP_ODRIVE_SET_AXIS_STATE = 0x07,
     PALP_ODRIVE_ENCODER_ESTIMATES = 0x09,
     PALP_ODRIVE_SET_CONTROLLER_MODE = 0x0b,
@@ -27,13 +28,17 @@ typedef enum {
 typedef struct {
     uint8_t node;
     palp_odrive_command command;
-    uint32_t error;     /* heartbeat */
+    uint32_t error;     /* heartbeat, get error */
     uint32_t state;     /* heartbeat, set axis state */
     float position_rev; /* encoder estimates */
     float velocity_rev_s;
     float torque_Nm; /* set input torque */
     uint32_t control_mode, input_mode;
 } palp_odrive_message;
+
+/* Whether a drive may send this on its own account although nobody here reads it: motor current,
+ * temperature, bus voltage, torques, encoder counts. */
+bool palp_odrive_is_telemetry(const palp_can_frame *frame);
 
 /* False for remote, error, extended or FD frames, unknown commands and wrong lengths. Constant
  * time. */

@@ -41,6 +41,16 @@ static void test_odrive(void) {
         same = same && memcmp(&again, &frame, sizeof frame) == 0;
     }
     CHECK(same, "every command survives encoding and decoding");
+    f = palp_odrive_encode(&(palp_odrive_message){.node = 1, .command = PALP_ODRIVE_CLEAR_ERRORS});
+    CHECK(f.length == 1 && f.id == 0x038, "clear errors has one byte");
+    palp_drive drive;
+    palp_drive_config config = device_load("arm3").device.drives;
+    palp_drive_init(&drive, 1);
+    palp_can_frame iq = {.id = 0x034, .length = 8}, fault = {.id = 0x023, .length = 8, .data = {4}};
+    CHECK(palp_drive_receive(&drive, &config, &iq) == PALP_NEWS_STATUS && drive.error == 0 &&
+              palp_drive_receive(&drive, &config, &fault) == PALP_NEWS_STATUS && drive.error == 4,
+          "currents pass unread, an error report counts");
+    f = palp_odrive_encode(&m);
     palp_can_frame bad = f;
     bad.length = 3;
     CHECK(!palp_odrive_decode(&bad, &m), "a wrong length is refused");
