@@ -101,7 +101,8 @@ static void sdo_serve(sim_drive *d, const palp_sdo *s) {
 static void cia402_control(sim_drive *d, uint32_t word) {
     bool reset_edge = (word & 0x80u) != 0 && (d->controlword & 0x80u) == 0;
     d->controlword = (uint16_t)word;
-    if (d->error != 0) d->state = PALP_CIA402_FAULT;
+    if (d->error != 0 || d->timed_out) d->state = PALP_CIA402_FAULT;
+    if (reset_edge) d->timed_out = false;
     if (d->state == PALP_CIA402_FAULT) {
         if (reset_edge && d->error == 0) d->state = PALP_CIA402_DISABLED;
         return;
@@ -159,19 +160,18 @@ static void cia402_receive(sim_drive *d, const palp_can_frame *f) {
 static void moteus_receive(sim_drive *d, const palp_can_frame *f) {
     palp_moteus_command c;
     if (!palp_moteus_decode_command(f, d->node, &c)) return;
-    bool timed_out = d->state == PALP_CIA402_FAULT; /* latched until stopped */
     if (c.mode == PALP_MOTEUS_STOPPED) {
-        d->state = PALP_CIA402_DISABLED;
+        d->timed_out = false;
         d->live = false;
-    } else if (c.mode == PALP_MOTEUS_POSITION && !timed_out && d->error == 0) {
+    } else if (c.mode == PALP_MOTEUS_POSITION && !d->timed_out && d->error == 0) {
         d->live = true;
         d->watchdog_s = (double)c.timeout_s;
         command(d, fmaxf(fminf(c.torque_Nm, c.torque_max_Nm), -c.torque_max_Nm));
     }
-    palp_moteus_answer a = {.mode = d->error != 0 ? PALP_MOTEUS_FAULT
-                                    : d->live     ? PALP_MOTEUS_POSITION
-                                    : timed_out   ? PALP_MOTEUS_TIMEOUT
-                                                  : PALP_MOTEUS_STOPPED,
+    palp_moteus_answer a = {.mode = d->error != 0  ? PALP_MOTEUS_FAULT
+                                    : d->live      ? PALP_MOTEUS_POSITION
+                                    : d->timed_out ? PALP_MOTEUS_TIMEOUT
+                                                   : PALP_MOTEUS_STOPPED,
                             .fault = (int32_t)d->error,
                             .position_rev = (float)d->turns,
                             .velocity_rev_s = (float)d->turns_per_s,
@@ -250,7 +250,7 @@ void sim_drive_move(sim_drive *d, double h_s) {
     bool watches = d->config->protocol != PALP_PROTOCOL_CIA402 || d->lets_go;
     if (d->live && watches && d->since_command_s >= d->watchdog_s) {
         d->live = false;
-        d->state = PALP_CIA402_FAULT; /* of CiA 402 and moteus: latched */
+        d->timed_out = true;
     }
     if (d->error != 0) d->live = false;
     double limit = (double)d->config->torque_max_Nm;

@@ -15,6 +15,7 @@ typedef struct {
     bool live;          /* acts on torque */
     uint32_t error;     /* shown to the controller, and never live while it stands */
     uint32_t announced; /* of the errors, by an emergency message */
+    bool timed_out;     /* the watchdog has let go; latched by CiA 402 and moteus */
     double torque_Nm, actual_Nm;
     double since_command_s, watchdog_s;
     double turns, turns_per_s; /* encoder reading, and its rate as the drive estimates it */

@@ -6,7 +6,7 @@
  *     demand     ODrive             CiA 402                  moteus      MIT        Palp
  *     PROBE      idle, zero torque  word 0, pre-op, SDO read stop        exit       off
  *     CONFIGURE  idle, zero torque  SDO steps, start, word 0 stop        exit       off
- *     OFF, IDLE  idle, zero torque  word 0 (disable voltage) stop        exit       off
+ *     IDLE       idle, zero torque  word 0 (disable voltage) stop        exit       off
  *     ENABLE     mode, clear, loop  walk of the states       torque 0    enter      clear, torque 0
  *     TORQUE     input torque       target torque            torque      torque     torque
  *
@@ -47,7 +47,6 @@ typedef struct {
 typedef enum {
     PALP_DEMAND_PROBE,
     PALP_DEMAND_CONFIGURE,
-    PALP_DEMAND_OFF,
     PALP_DEMAND_ENABLE,
     PALP_DEMAND_TORQUE,
     PALP_DEMAND_IDLE

@@ -8,16 +8,18 @@ static palp_vec3 held(const palp_passivity *p, uint32_t back) {
     return p->sent_N[(p->newest + PALP_PASSIVITY_DELAYS - back) % PALP_PASSIVITY_DELAYS];
 }
 
-/* exp(-T / tau), to a few per cent; 0 without lag. */
-static float remainder_of(const palp_passivity_config *c) {
-    if (!(c->lag_s > 0.0f)) return 0.0f;
-    float x = c->dt_s / c->lag_s;
-    return 1.0f / (1.0f + x * (1.0f + x * (0.5f + x * (1.0f / 6.0f + x * (1.0f / 24.0f)))));
-}
-
-/* Share of a new set-point in the mean force of its period. */
-static float promptness(const palp_passivity_config *c) {
-    return 1.0f - c->lag_s / c->dt_s * (1.0f - remainder_of(c));
+palp_passivity_config palp_passivity_configure(float damping_Ns_per_m, float damping_max_Ns_per_m,
+                                               uint32_t delay, float dt_s, float lag_s) {
+    palp_passivity_config c = {.damping_Ns_per_m = damping_Ns_per_m,
+                               .damping_max_Ns_per_m = damping_max_Ns_per_m,
+                               .delay = delay,
+                               .dt_s = dt_s,
+                               .prompt = 1.0f};
+    if (!(lag_s > 0.0f)) return c;
+    float x = dt_s / lag_s; /* the exponential to a few per cent */
+    c.remains = 1.0f / (1.0f + x * (1.0f + x * (0.5f + x * (1.0f / 6.0f + x * (1.0f / 24.0f)))));
+    c.prompt = 1.0f - lag_s / dt_s * (1.0f - c.remains);
+    return c;
 }
 
 static palp_vec3 blend(float share, palp_vec3 from, palp_vec3 to) {
@@ -26,8 +28,8 @@ static palp_vec3 blend(float share, palp_vec3 from, palp_vec3 to) {
 
 void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config, palp_vec3 d_m) {
     palp_vec3 force = held(p, config->delay);
-    float given = palp_dot(blend(promptness(config), p->acting_N, force), d_m);
-    p->acting_N = blend(1.0f - remainder_of(config), p->acting_N, force);
+    float given = palp_dot(blend(config->prompt, p->acting_N, force), d_m);
+    p->acting_N = blend(1.0f - config->remains, p->acting_N, force);
     p->absorbed_J -= given;
     p->energy_J += SHARE * config->damping_Ns_per_m / config->dt_s * palp_dot(d_m, d_m) - given;
     p->before_m = p->moved_m;
@@ -45,14 +47,14 @@ palp_vec3 palp_passivity_limit(palp_passivity *p, const palp_passivity_config *c
     float d2 = palp_dot(d, d);
     if (!(d2 > 1e-20f) || idle) return force_N;
     float swallowed = SHARE * config->damping_Ns_per_m / config->dt_s * d2;
-    float have = p->energy_J + swallowed, prompt = promptness(config);
+    float have = p->energy_J + swallowed;
     palp_vec3 acting = p->acting_N;
     /* What is on its way will have acted before this force does. */
     for (uint32_t i = config->delay; i-- > 0u;) {
-        have += swallowed - palp_dot(blend(prompt, acting, held(p, i)), d);
-        acting = blend(1.0f - remainder_of(config), acting, held(p, i));
+        have += swallowed - palp_dot(blend(config->prompt, acting, held(p, i)), d);
+        acting = blend(1.0f - config->remains, acting, held(p, i));
     }
-    float excess = palp_dot(blend(prompt, acting, force_N), d) - have;
+    float excess = palp_dot(blend(config->prompt, acting, force_N), d) - have;
     if (!(excess > 0.0f)) return force_N;
     *braked = true;
     float alpha = palp_min(excess / d2 * config->dt_s, config->damping_max_Ns_per_m);

@@ -26,7 +26,9 @@ typedef struct {
     float damping_Ns_per_m;     /* b */
     float damping_max_Ns_per_m; /* alpha_max: palp_device_brake */
     uint32_t delay;             /* below PALP_PASSIVITY_DELAYS */
-    float dt_s, lag_s;          /* T, tau >= 0 */
+    float dt_s;
+    float remains; /* share of a force that is left after a period of another, exp(-T / tau) */
+    float prompt;  /* share of a new set-point in the mean force of its period */
 } palp_passivity_config;
 
 typedef struct {
@@ -37,6 +39,10 @@ typedef struct {
     palp_vec3 moved_m, before_m;             /* d, and the one before it */
     uint32_t newest, idle_ticks;
 } palp_passivity;
+
+/* Periods T > 0, lag tau >= 0. */
+palp_passivity_config palp_passivity_configure(float damping_Ns_per_m, float damping_max_Ns_per_m,
+                                               uint32_t delay, float dt_s, float lag_s);
 
 /* The tip has moved by d since the last tick. */
 void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config, palp_vec3 d_m);

@@ -130,7 +130,7 @@ palp_demand palp_safety_demand(palp_state state) {
     case PALP_STATE_CONFIG_CHECK:
         return PALP_DEMAND_CONFIGURE;
     case PALP_STATE_READY:
-        return PALP_DEMAND_OFF;
+        return PALP_DEMAND_IDLE;
     case PALP_STATE_ENABLING:
         return PALP_DEMAND_ENABLE;
     case PALP_STATE_RUN:

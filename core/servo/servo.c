@@ -15,7 +15,8 @@ struct palp_servo {
     palp_counters counters;
     palp_device_axes axes;
     palp_safety safety;
-    float dt_s;
+    palp_axes_health health; /* after the frames of this tick */
+    float dt_s, bound_ns;
     uint64_t start_ns; /* of the tick under way */
     palp_vec3 last_tip_m;
     bool moved; /* last_tip_m belongs to a force that was sent */
@@ -76,11 +77,10 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     spring->stiffness_N_per_m =
         palp_max(k / (scale * scale), SOFTEST * blob->meta->stiffness_max_N_per_m);
     spring->damping_Ns_per_m = b / (scale * scale);
-    s->passive = (palp_passivity_config){.damping_Ns_per_m = device->damping_Ns_per_m,
-                                         .damping_max_Ns_per_m = palp_device_brake(device),
-                                         .delay = palp_drive_delay(device->drives.protocol),
-                                         .dt_s = s->dt_s,
-                                         .lag_s = device->drives.torque_lag_s};
+    s->passive = palp_passivity_configure(device->damping_Ns_per_m, palp_device_brake(device),
+                                          palp_drive_delay(device->drives.protocol), s->dt_s,
+                                          device->drives.torque_lag_s);
+    s->bound_ns = palp_cost_full(&s->bounded.bound, config->limits) * config->cost.ns_per_operation;
     palp_axes_init(&s->axes, device);
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);
@@ -123,9 +123,9 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     count_events(&s->counters, in->events);
     palp_axes_take(&s->axes, &s->config.device, periods, in->frames, in->count, force,
                    &s->counters);
-    palp_axes_health health = palp_axes_look(&s->axes);
-    if ((float)health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
-    if (palp_safety_tick(&s->safety, in->events, periods, &health)) {
+    s->health = palp_axes_look(&s->axes);
+    if ((float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
+    if (palp_safety_tick(&s->safety, in->events, periods, &s->health)) {
         s->counters.resets++;
         palp_axes_forget(&s->axes);
     }
@@ -196,7 +196,7 @@ static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report 
         r->stored_J *= gain;
     }
     if (s->safety.state == PALP_STATE_RUN) return force;
-    bool fresh = palp_axes_look(&s->axes).age == 0u;
+    bool fresh = s->health.age == 0u;
     float brake = fresh ? s->config.device.damping_max_Ns_per_m : 0.0f;
     return palp_madd(force, -brake, r->tip_velocity_m_s);
 }
@@ -221,7 +221,7 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     s->moved = true;
     /* What holds the mechanism up comes and goes with the force; friction is only followed by who
      * knows the velocity, and never against the brake of DAMPING. */
-    bool fresh = palp_axes_look(&s->axes).age == 0u && s->safety.state == PALP_STATE_RUN;
+    bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
     float gain = palp_safety_gain(&s->safety);
     palp_vec3 force = wanted_force(s, &pose, r);
     palp_output_demand demand = {
@@ -251,10 +251,9 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_c
     palp_servo *s = servo;
     s->start_ns = s->config.port.now_ns(s->config.port.context);
     palp_report r = {.tick = s->counters.ticks++,
+                     .bound_ns = s->bound_ns,
                      .level = palp_ladder_contact(&s->bounded.ladder)->level,
                      .outer = palp_ladder_contact(&s->bounded.ladder)->outer};
-    r.bound_ns =
-        palp_cost_full(&s->bounded.bound, s->config.limits) * s->config.cost.ns_per_operation;
     take_in(s, input);
     run(s, input, &r);
     uint32_t n = palp_axes_send(&s->axes, &s->config.device, palp_safety_demand(s->safety.state),

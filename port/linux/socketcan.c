@@ -101,13 +101,9 @@ static void take_error(can_port *p, const struct canfd_frame *f) {
     const uint8_t overflow = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
     const uint8_t warning = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING |
                             CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
-    p->error_frames++;
     if ((f->can_id & CAN_ERR_BUSOFF) != 0) p->events |= PALP_EVENT_BUS_OFF;
     /* The controller has been bus-off, even if that was not seen: what was queued is gone. */
-    if ((f->can_id & CAN_ERR_RESTARTED) != 0) {
-        p->events |= PALP_EVENT_BUS_OFF;
-        p->restarts++;
-    }
+    if ((f->can_id & CAN_ERR_RESTARTED) != 0) p->events |= PALP_EVENT_BUS_OFF;
     if ((f->can_id & (CAN_ERR_ACK | CAN_ERR_TX_TIMEOUT)) != 0) p->events |= PALP_EVENT_BUS_WARNING;
     if ((f->can_id & CAN_ERR_CRTL) != 0) {
         if ((f->data[1] & overflow) != 0) p->events |= PALP_EVENT_OVERFLOW;

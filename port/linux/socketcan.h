@@ -12,7 +12,6 @@ typedef struct {
     uint32_t events;     /* PALP_EVENT_BUS_ bits and OVERFLOW; the reader clears them */
     uint32_t dropped;    /* frames that the kernel's receive queue had no room for, in total */
     uint64_t sent, lost; /* frames given to the interface, and refused by it */
-    uint64_t error_frames, restarts;
 } can_port;
 
 /*

@@ -45,8 +45,7 @@ static void test_output(void) {
  */
 static double bounce(bool guarded, double *last) {
     palp_passivity p = {.energy_J = 0};
-    palp_passivity_config c = {
-        .damping_Ns_per_m = 0, .damping_max_Ns_per_m = 20, .delay = 0, .dt_s = 0.004f};
+    palp_passivity_config c = palp_passivity_configure(0, 20, 0, 0.004f, 0);
     const double k = 1500, mass = 0.1, h = 1e-5;
     double x = 0.004, v = 0, seen = x, force = 0, highest = 0;
     for (int tick = 0; tick < 2000; tick++) {
