@@ -13,30 +13,31 @@ typedef float lanes4 __attribute__((vector_size(16), aligned(4)));
 #define TILE 4u /* vectors per tile */
 
 static lanes4 *lanes(float *p) { return (lanes4 *)(void *)p; }
+static lanes4 lanes_at(const float *p) { return *(const lanes4 *)(const void *)p; }
 
 /*
- * Rows i and i + 1, columns j.. of one tile, less what rows 0..i-1 of R take from them, row by row.
- * Held in registers over all of those rows, so that the factor is read twice less often than it is
- * used.
+ * One tile of C -= A^T B, two rows high: c points at it, a at the two columns of A, b at the tile's
+ * columns of B, both of k rows. Held in registers over all of those rows, so that B is read twice
+ * less often than it is used.
  */
-static void eliminate_tile(float *a, size_t stride, size_t i, size_t j) {
-    lanes4 c[2][TILE];
+static void subtract_tile(float *c, size_t c_stride, const float *a, size_t a_stride,
+                          const float *b, size_t b_stride, size_t k) {
+    lanes4 sum[2][TILE];
     for (size_t t = 0; t < TILE; t++) {
-        c[0][t] = *lanes(a + i * stride + j + 4u * t);
-        c[1][t] = *lanes(a + (i + 1u) * stride + j + 4u * t);
+        sum[0][t] = *lanes(c + 4u * t);
+        sum[1][t] = *lanes(c + c_stride + 4u * t);
     }
-    for (size_t k = 0; k < i; k++) {
-        float *row = a + k * stride;
-        float s = row[i], u = row[i + 1u];
+    for (size_t i = 0; i < k; i++) {
+        float s = a[i * a_stride], u = a[i * a_stride + 1u];
         for (size_t t = 0; t < TILE; t++) {
-            lanes4 x = *lanes(row + j + 4u * t);
-            c[0][t] -= s * x;
-            c[1][t] -= u * x;
+            lanes4 x = lanes_at(b + i * b_stride + 4u * t);
+            sum[0][t] -= s * x;
+            sum[1][t] -= u * x;
         }
     }
     for (size_t t = 0; t < TILE; t++) {
-        *lanes(a + i * stride + j + 4u * t) = c[0][t];
-        *lanes(a + (i + 1u) * stride + j + 4u * t) = c[1][t];
+        *lanes(c + 4u * t) = sum[0][t];
+        *lanes(c + c_stride + 4u * t) = sum[1][t];
     }
 }
 
@@ -64,7 +65,8 @@ static palp_status finish_row(float *a, size_t stride, size_t i, size_t n) {
 palp_status palp_chol_factor(float *a, size_t n, size_t stride) {
     for (size_t i = 0; i < n; i += 2) {
         size_t rows = i + 1 < n ? 2 : 1, j = i;
-        for (; rows == 2 && j + 4u * TILE <= n; j += 4u * TILE) eliminate_tile(a, stride, i, j);
+        for (; rows == 2 && j + 4u * TILE <= n; j += 4u * TILE)
+            subtract_tile(a + i * stride + j, stride, a + i, stride, a + j, stride, i);
         eliminate_rest(a, stride, i, rows, j, n);
         if (finish_row(a, stride, i, n) != PALP_OK) return PALP_ERR_NOT_SPD;
         if (rows == 1) break;
@@ -130,6 +132,33 @@ void palp_chol_backward(const float *r, size_t n, size_t stride, float *b) {
 void palp_chol_solve(const float *r, size_t n, size_t stride, float *b) {
     palp_chol_forward(r, n, stride, b);
     palp_chol_backward(r, n, stride, b);
+}
+
+void palp_chol_forward_many(const float *r, size_t n, size_t stride, float *b, size_t m,
+                            size_t b_stride) {
+    for (size_t i = 0; i < n; i++) {
+        float *row = b + i * b_stride;
+        float inverse = 1.0f / r[i * stride + i];
+        for (size_t j = 0; j < m; j++) row[j] *= inverse;
+        for (size_t k = i + 1u; k < n; k++) axpy_minus(b + k * b_stride, row, r[i * stride + k], m);
+    }
+}
+
+void palp_subtract_product(float *c, size_t c_stride, const float *a, size_t a_stride,
+                           const float *b, size_t b_stride, size_t k, size_t n, size_t m,
+                           bool upper) {
+    const size_t width = 4u * TILE;
+    for (size_t i = 0; i < n; i += 2u) {
+        size_t rows = i + 1u < n ? 2u : 1u;
+        size_t j = upper ? i / width * width : 0u;
+        for (; rows == 2u && j + width <= m; j += width)
+            subtract_tile(c + i * c_stride + j, c_stride, a + i, a_stride, b + j, b_stride, k);
+        for (size_t row = i; row < i + rows && j < m; row++) {
+            for (size_t e = 0; e < k; e++)
+                axpy_minus(c + row * c_stride + j, b + e * b_stride + j, a[e * a_stride + row],
+                           m - j);
+        }
+    }
 }
 
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride) {

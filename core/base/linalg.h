@@ -11,6 +11,7 @@
 #define PALP_BASE_LINALG_H
 
 #include "status.h"
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -40,6 +41,16 @@ void palp_chol_solve(const float *r, size_t n, size_t stride, float *b);
 /* The two halves of the solve, b := R^-T b and b := R^-1 b; |R^-T b|^2 = b^T C^-1 b. n^2/2 each. */
 void palp_chol_forward(const float *r, size_t n, size_t stride, float *b);
 void palp_chol_backward(const float *r, size_t n, size_t stride, float *b);
+
+/* B := R^-T B for the n x m matrix b. n^2 m / 2. */
+void palp_chol_forward_many(const float *r, size_t n, size_t stride, float *b, size_t m,
+                            size_t b_stride);
+
+/* C -= A^T B for c (n x m), a (k x n), b (k x m); with `upper` only tiles that hold part of the
+ * upper triangle of C are sure to be. k n m, or about half. */
+void palp_subtract_product(float *c, size_t c_stride, const float *a, size_t a_stride,
+                           const float *b, size_t b_stride, size_t k, size_t n, size_t m,
+                           bool upper);
 
 /*
  * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below

@@ -90,8 +90,71 @@ typedef enum {
     PALP_SEC_LEVEL_INDEX = 129,
     PALP_SEC_LEVEL_VALUE = 130,
     PALP_SEC_LEVEL_SCALE = 131,
-    PALP_SEC_LEVEL_TABLE = 132 /* f32[n (n + 1) / 2][9] lower triangle of R_l G R_l^T, m/N */
+    PALP_SEC_LEVEL_TABLE = 132, /* f32[n (n + 1) / 2][9] lower triangle of R_l G R_l^T, m/N */
+    /* A multizone model holds none of the above, but whole blobs of its zones and what joins them.
+     */
+    PALP_SEC_ZONES = 512,     /* palp_zones_meta */
+    PALP_SEC_ZONE = 513,      /* palp_zone_entry[zones], each behind the one that carries it */
+    PALP_SEC_JOINT = 514,     /* palp_joint_entry[joints] */
+    PALP_SEC_SEAM = 515,      /* palp_seam_entry[seams], in the order of elimination */
+    PALP_SEC_SEAM_NODE = 516, /* u32[][2] of each seam in turn: node in zone[0], in zone[1] */
+    PALP_SEC_SEAM_MODE = 517, /* f32[] of each seam in turn: [nodes][modes] orthonormal modes */
+    PALP_SEC_ZONE_BLOB = 576, /* + zone: the bytes of its blob */
+    PALP_SEC_STIFFNESS = 608, /* + zone: f32[M (M + 1) / 2][9] lower triangle, N/m */
+    PALP_SEC_FOLLOW = 640,    /* + zone: f32[free slots][M][9] displacement by seam modes */
+    PALP_SEC_REACTION = 672,  /* + zone: f32[fixed slots][M][9] reactions to seam modes, N/m */
+    PALP_SEC_WEIGHT = 704,    /* + zone: f32[M][9] seam reaction to unit acceleration, kg */
 } palp_section;
+
+#define PALP_MAX_ZONES 32u
+#define PALP_MAX_JOINTS 48u
+#define PALP_MAX_SEAMS 48u
+#define PALP_MAX_ZONE_SEAMS 8u
+#define PALP_SEAM_LEVELS 6u
+#define PALP_AFFINE_MODES 4u /* the first modes of a seam span 1, x, y, z on it */
+#define PALP_NAME_BYTES 24u  /* with the final zero */
+#define PALP_NONE 0xffffffffu
+
+typedef struct {
+    uint32_t zones, joints, seams, flags;
+    uint32_t reserved[12];
+} palp_zones_meta;
+
+/* Everything is in the coordinates of the model at rest (all joint values zero). */
+typedef struct {
+    char name[PALP_NAME_BYTES];
+    uint32_t joint;                 /* that carries it; PALP_NONE for zone 0 */
+    uint32_t modes;                 /* M, of all its seams in ascending order */
+    float rotation[9], origin_m[3]; /* of its own frame, at rest */
+    uint32_t reserved[4];
+} palp_zone_entry;
+
+typedef enum { PALP_FIXED_JOINT = 0, PALP_REVOLUTE = 1, PALP_PRISMATIC = 2 } palp_joint_kind;
+
+typedef struct {
+    char name[PALP_NAME_BYTES];
+    uint32_t kind, parent, child;
+    uint32_t closure; /* 1: closes a loop, carries no zone and has no value of its own */
+    float axis[3], origin_m[3];
+    float low, high; /* rad or m */
+    uint32_t reserved[2];
+} palp_joint_entry;
+
+typedef struct {
+    uint32_t zone[2]; /* the first one's frame is the seam's */
+    uint32_t nodes, modes;
+    uint32_t level_modes[PALP_SEAM_LEVELS]; /* first so many modes on each level; the last: all */
+    uint32_t joint;                         /* between its zones; PALP_NONE if there is none */
+    float ones[PALP_AFFINE_MODES];          /* the constant 1, in modes */
+    float place_m[PALP_AFFINE_MODES][3];    /* the rest positions, in modes */
+    float length_m;                         /* of its box's diagonal */
+    uint32_t reserved[4];
+} palp_seam_entry;
+
+_Static_assert(sizeof(palp_zones_meta) == 64, "zones meta layout");
+_Static_assert(sizeof(palp_zone_entry) == 96, "zone entry layout");
+_Static_assert(sizeof(palp_joint_entry) == 80, "joint entry layout");
+_Static_assert(sizeof(palp_seam_entry) == 128, "seam entry layout");
 
 #define PALP_LEVEL_STRIDE 8u
 

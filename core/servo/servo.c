@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "servo.h"
+#include "core/base/frame.h"
 
 #define NS_PER_S 1e9f
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
@@ -138,19 +139,9 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 
 /* ---- force ---- */
 
-static palp_vec3 rotate(const float r[9], palp_vec3 v) {
-    return (palp_vec3){palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
-                       palp_dot(palp_vec3_at(r + 6), v)};
-}
-
-static palp_vec3 rotate_back(const float r[9], palp_vec3 v) {
-    return (palp_vec3){r[0] * v.x + r[3] * v.y + r[6] * v.z, r[1] * v.x + r[4] * v.y + r[7] * v.z,
-                       r[2] * v.x + r[5] * v.y + r[8] * v.z};
-}
-
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     const palp_placement *p = &s->config.placement;
-    palp_vec3 device = palp_madd(p->origin_m, p->scale, rotate(p->rotation, tip));
+    palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
     palp_coupling_result result;
     palp_bounded_report b;
     palp_bounded_tick(&s->bounded, s->start_ns, &device, &result, &b);
@@ -170,7 +161,7 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     r->pivots = b.pivots;
     r->candidates = b.candidates;
     r->active = b.active;
-    return palp_scale(p->scale, rotate_back(p->rotation, result.force_N));
+    return palp_scale(p->scale, palp_rotate_back(p->rotation, result.force_N));
 }
 
 void palp_servo_spare(palp_servo *servo) {

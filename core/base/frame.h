@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: MIT */
+/* Rigid motions x -> r x + t; r row-major and orthonormal. */
+#ifndef PALP_BASE_FRAME_H
+#define PALP_BASE_FRAME_H
+
+#include "core/base/real.h"
+
+typedef struct {
+    float r[9];
+    palp_vec3 t;
+} palp_frame;
+
+#define PALP_FRAME_IDENTITY                                                                        \
+    ((palp_frame){{1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 0.0f}})
+
+static inline palp_vec3 palp_rotate(const float r[9], palp_vec3 v) {
+    return (palp_vec3){palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
+                       palp_dot(palp_vec3_at(r + 6), v)};
+}
+
+/* r^T v */
+static inline palp_vec3 palp_rotate_back(const float r[9], palp_vec3 v) {
+    return (palp_vec3){r[0] * v.x + r[3] * v.y + r[6] * v.z, r[1] * v.x + r[4] * v.y + r[7] * v.z,
+                       r[2] * v.x + r[5] * v.y + r[8] * v.z};
+}
+
+static inline palp_vec3 palp_carry(const palp_frame *f, palp_vec3 x) {
+    return palp_add(palp_rotate(f->r, x), f->t);
+}
+
+static inline palp_vec3 palp_carry_back(const palp_frame *f, palp_vec3 x) {
+    return palp_rotate_back(f->r, palp_sub(x, f->t));
+}
+
+/* a after b: x -> a(b(x)) */
+palp_frame palp_frame_compose(const palp_frame *a, const palp_frame *b);
+
+/* The motion that takes b's coordinates to a's: a^-1 after b. */
+palp_frame palp_frame_between(const palp_frame *a, const palp_frame *b);
+
+/* Rotation by `angle_rad` about the unit `axis` through `origin`; exactly the identity for 0. */
+palp_frame palp_frame_turn(palp_vec3 axis, palp_vec3 origin, float angle_rad);
+
+/* Largest of the entries of a.r - b.r, and of |a.t - b.t| / length_m: 0 for equal motions. */
+float palp_frame_distance(const palp_frame *a, const palp_frame *b, float length_m);
+
+#endif

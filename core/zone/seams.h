@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The condensed interface equations of a multizone model (MZ V-VII), in force form.
+ *
+ * The displacement w_s of seam s is kept in the frame of its first zone. Zone z sees it as
+ *
+ *     u = T^T w + g,   g = (R^T - I) x - R^T t        (MZ VI)
+ *
+ * with T = I, g = 0 for the first zone and T = R for the second, (R, t) their relative motion and x
+ * the common rest shape: g is the mismatch of the posed rest shapes, the bending strain. Balance of
+ * forces at the seams gives the symmetric form of (13),
+ *
+ *     A w = r,   A_ss' = sum_z T K^z_ss' T'^T,   r = - sum_z T (K^z g + p^)
+ *
+ * which is positive definite as long as bones hold the model, and couples seams that share a zone.
+ * Seams are numbered in the order of elimination, leaves first, so block Cholesky A = R^T R fills
+ * nothing on chains (where it is the block tridiagonal one) and trees; a loop fills the column of
+ * the seam that closes it, which is the bordered system. Cost is linear in zones.
+ *
+ * Levels: on level l each seam keeps its first level_modes[l] modes, which is the leading part of
+ * every block (Galerkin), so every level is positive definite and forces balance in the mean.
+ * Below level 0 there is the block diagonal approximation, its inverses interpolated over the
+ * joint's value.
+ */
+#ifndef PALP_ZONE_SEAMS_H
+#define PALP_ZONE_SEAMS_H
+
+#include "core/base/arena.h"
+#include "core/zone/posture.h"
+
+#define PALP_MAX_PARTNERS 12u     /* later seams that a seam meets, fill included */
+#define PALP_DIAGONAL_SAMPLES 9u  /* of each joint's range */
+#define PALP_DIAGONAL_LEVEL 1u    /* that the block diagonal approximation is made on */
+#define PALP_DIAGONAL 0xfffffffeu /* stands for it where a level is asked for */
+
+typedef struct {
+    float *block;                        /* the blocks of R, or the approximation's */
+    palp_frame relative[PALP_MAX_SEAMS]; /* posture that it belongs to */
+    uint32_t level;                      /* of the modes it knows */
+    uint32_t step, steps;                /* done, and to be done */
+    bool diagonal, sound;
+} palp_seam_factor;
+
+/* A vector over the seams: seam s begins at 3 first_mode[s]. */
+typedef struct {
+    const palp_zones *zones;
+    uint32_t finest; /* level that memory is there for */
+    uint32_t modes;  /* of all seams on it */
+    uint32_t first_mode[PALP_MAX_SEAMS];
+    uint8_t partners[PALP_MAX_SEAMS], partner[PALP_MAX_SEAMS][PALP_MAX_PARTNERS];
+    size_t offset[PALP_MAX_SEAMS][PALP_MAX_PARTNERS + 1u]; /* of block (s, s), (s, partner) */
+    palp_seam_factor factor[2];                            /* in use, and being made */
+    uint32_t now;
+    float *sample[PALP_MAX_SEAMS];   /* [PALP_DIAGONAL_SAMPLES][n][n] inverses of diagonal blocks */
+    float *work[4];                  /* vectors */
+    float *zone_modes, *zone_forces; /* [largest M][3] */
+    uint64_t work_done;              /* multiply-adds so far */
+} palp_seams;
+
+size_t palp_seams_memsize(const palp_zones *zones, uint32_t finest);
+
+/*
+ * Lays out in `memory` (64-byte aligned, owned by the caller), makes the samples of the block
+ * diagonal approximation and, as far as `finest` goes, the factor of the rest posture. Errors:
+ * LIMITS (finest, or a seam with too many partners), MEMORY, ALIGNMENT, NOT_SPD when the model is
+ * not held.
+ */
+palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t finest,
+                            void *memory, size_t bytes);
+
+/* Modes of seam s on `level`, PALP_DIAGONAL included. */
+uint32_t palp_seam_modes(const palp_seams *seams, uint32_t s, uint32_t level);
+
+static inline palp_seam_factor *palp_seams_factor(palp_seams *seams) {
+    return &seams->factor[seams->now];
+}
+
+/*
+ * Makes the factor for a posture beside the one in use, in steps: begin, then step until it returns
+ * false, then take, which puts it to use; false if it is not positive definite. With N = 3 modes of
+ * a seam, b = 1 + its partners: a step assembles one row of blocks (about 6 N^2 b) or eliminates
+ * one seam (N^3 / 6 + N^3 b (b - 1) / 2 + ...). There are two steps a seam, for the approximation
+ * one (N^3 / 6 + 3 N^2).
+ */
+void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t level);
+bool palp_seams_step(palp_seams *seams);
+bool palp_seams_take(palp_seams *seams);
+
+/* All of that. Errors: NOT_SPD, the factor in use then stays. */
+palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level);
+
+/* Multiply-adds of all steps on `level`, at most. */
+float palp_seams_cost_factor(const palp_seams *seams, uint32_t level);
+/* Of one solve on it, one matrix product included. */
+float palp_seams_cost_solve(const palp_seams *seams, uint32_t level);
+
+/* r := - sum T K g: what the mismatch of the posture asks for. `level` bounds the modes. */
+void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_t level, float *r);
+
+/* r -= weight: gravity, `acceleration` in the frame of zone 0. */
+void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t level,
+                        palp_vec3 acceleration_m_s2, float *r);
+
+/* r -= p^ of a force (in the zone's frame) on a free slot of `zone`. Cost: 9 a mode of the zone. */
+void palp_seams_load(palp_seams *seams, const palp_posture *posture, uint32_t level, uint32_t zone,
+                     uint32_t slot, palp_vec3 force_N, float *r);
+
+/* x := A^-1 x, with the factor in use. */
+void palp_seams_solve(palp_seams *seams, float *x);
+
+/*
+ * Half of it, y := R^-T y: y.y = r^T A^-1 r. `touched` has a bit for each seam where y is not zero
+ * and is updated; seams without are skipped.
+ */
+void palp_seams_forward(palp_seams *seams, float *y, uint64_t *touched);
+
+/*
+ * A w = r for the given posture by `iterations` steps of conjugate gradients, preconditioned by the
+ * factor in use, from w = 0; returns |r - A w| / |r| in the preconditioner's norm. On the factor's
+ * level. Where the factor is of a posture near by, a few steps replace a factorisation: cost is
+ * iterations times palp_seams_cost_solve.
+ */
+float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const float *r,
+                         uint32_t iterations, float *w);
+
+/* What zone z sees of w: u = T^T w + g, [M][3] in its own frame. */
+void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                     uint32_t zone, const float *w, float *u);
+
+/* Displacement of a free slot of a zone by its seam modes u (m, zone's frame). 9 M. */
+palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u);
+
+/* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */
+float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
+                        const float *w);
+
+#endif
