@@ -4,6 +4,7 @@
 #include "parallel.h"
 #include "sha256.h"
 #include "util.h"
+#include "zonebake.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,25 +50,33 @@ static const char help[] =
     "IN.model holds the same keys, one per line without dashes, and 'mesh FILE' relative to "
     "itself.\n";
 
-static const option options[] = {
-    BODY_OPTIONS,           {"-o", 1},
-    {"--wavelet", 1},       {"--unlifted", 0},
-    {"--epsilon", 1},       {"--threshold", 1},
-    {"--table-mb", 1},      {"--constraint-level", 1},
-    {"--storage", 1},       {"--reciprocity", 1},
-    {"--save-mesh", 1},     {"--detail", 1},
-    {"--detail-levels", 1}, {NULL, 0},
-};
+#define BAKE_OPTIONS                                                                               \
+    BODY_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},                \
+        {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1}, {"--storage", 1},        \
+        {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1}, {                               \
+        "--detail-levels", 1                                                                       \
+    }
+
+static const option options[] = {BAKE_OPTIONS, {NULL, 0}};
+static const option file_options[] = {BAKE_OPTIONS, ZONE_OPTIONS, {NULL, 0}};
 
 typedef struct {
     body_spec body;
+    zone_model zones;
     const char *input, *output, *save_mesh, *detail;
-    bool half, raw, level_chosen;
+    bool half, raw, level_chosen, in_file;
     uint32_t constraint_level, detail_levels;
     double epsilon, table_mb;
     wavelet wavelet;
     threshold_rule rule;
 } bake_spec;
+
+/* In a model file the zone above is meant, on the command line all of them. */
+static bool take_body_option(bake_spec *s, const argument *a) {
+    if (s->in_file) return body_option(zone_body(&s->zones, &s->body), a);
+    for (uint32_t i = 0; i < s->zones.zones; i++) (void)body_option(&s->zones.zone[i].body, a);
+    return body_option(&s->body, a);
+}
 
 static void set_option(void *context, const argument *a) {
     static const char *const wavelets[] = {"linear", "butterfly", NULL};
@@ -79,7 +88,7 @@ static void set_option(void *context, const argument *a) {
     if (o == NULL) {
         if (s->input != NULL) die(EXIT_USAGE, "one input mesh, not also '%s'", a->value[0]);
         s->input = a->value[0];
-    } else if (body_option(&s->body, a)) {
+    } else if (zone_option(&s->zones, &s->body, a) || take_body_option(s, a)) {
         return;
     } else if (strcmp(o, "-o") == 0) {
         s->output = a->value[0];
@@ -132,10 +141,13 @@ static bake_spec read_spec(int argc, char **argv) {
     }
     s = defaults;
     s.body.folder = body_folder(input);
-    args_parse_file(input, options, set_option, &s);
+    s.in_file = true;
+    args_parse_file(input, file_options, set_option, &s);
     s.body.folder = NULL;
+    s.in_file = false;
     args_parse(argc, argv, options, help, set_option, &s);
-    if (s.body.mesh_path == NULL) die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
+    if (s.body.mesh_path == NULL && s.zones.zones == 0)
+        die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
     return s;
 }
 
@@ -218,13 +230,30 @@ static palp_meta describe(const bake_spec *s) {
     return meta;
 }
 
+static int bake_zones(bake_spec *s, output *out, double start) {
+    FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
+    build_options build = {.wavelet = s->wavelet,
+                           .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
+                           .table_bytes = s->table_mb * 1e6};
+    if (s->raw || s->detail != NULL || s->level_chosen)
+        die(EXIT_USAGE, "--reciprocity raw, --detail and --constraint-level are for one zone only");
+    size_t size;
+    uint8_t *bytes = zone_bake(&s->zones, &s->body, &build, s->input, s->save_mesh, f, &size);
+    if (fwrite(bytes, 1, size, out->file) != size) die(EXIT_WORK, "cannot write %s", s->output);
+    commit_output(out);
+    fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s), peak memory %.2f GB\n",
+            now_s() - start, thread_count(), peak_memory() * 1e-9);
+    return EXIT_SUCCESS;
+}
+
 int command_bake(int argc, char **argv) {
     double start = now_s();
     bake_spec s = read_spec(argc, argv);
     if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
     if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
-    body_require(&s.body);
+    if (s.zones.zones == 0) body_require(&s.body);
     output out = open_output(s.output);
+    if (s.zones.zones > 0) return bake_zones(&s, &out, start);
 
     mesh m = body_mesh(&s.body);
     if (s.save_mesh != NULL) mesh_save_obj(&m, s.save_mesh);

@@ -282,6 +282,7 @@ static void add_traction(const bem_traction *p, size_t node, const double y[3], 
 static void assemble_rows(const assembly *a, size_t node, double *h, size_t h_stride, double *g,
                           size_t g_stride) {
     const mesh *m = a->m;
+    const bem_traction *p = a->traction;
     size_t order = 3 * (size_t)m->vertices;
     double poisson = a->material->poisson;
     double shear = a->material->young_Pa / (2 * (1 + poisson));
@@ -306,15 +307,15 @@ static void assemble_rows(const assembly *a, size_t node, double *h, size_t h_st
             double u[3][3], t[3][3];
             uint32_t vertex = m->t[i][k];
             blocks_from_moments(&moments[k], e->normal, poisson, shear, u, t);
-            add_block(g, g_stride, vertex, u);
+            size_t corner = 3 * (size_t)i + (size_t)k;
+            bool dropped = p != NULL && p->dropped != NULL && p->dropped[corner] != 0;
+            if (!dropped) add_block(g, g_stride, vertex, u);
             if (vertex != node) {
                 add_block(h, h_stride, vertex, t);
-                for (int p = 0; p < 9; p++) t[p / 3][p % 3] = -t[p / 3][p % 3];
+                for (int b = 0; b < 9; b++) t[b / 3][b % 3] = -t[b / 3][b % 3];
                 add_block(h, h_stride, node, t);
             }
-            if (a->traction != NULL && a->traction->mask[vertex] != 0) {
-                add_traction(a->traction, node, m->x[vertex], e, u);
-            }
+            if (p != NULL && p->known[corner] != 0) add_traction(p, node, m->x[vertex], e, u);
         }
     }
     progress_add(1);

@@ -17,21 +17,25 @@
 typedef struct {
     double young_Pa, poisson;
     double tolerance; /* relative error aimed at in each regular integral; sets the grading */
+    /* Tractions of a fixed node act on triangles with all corners fixed only, where it has any, so
+     * that none leaks over the rim of the fixed region. */
+    bool crisp;
 } bem_material;
 
 #define BEM_TOLERANCE 1e-6
 
 /*
  * Known tractions that jump from triangle to triangle: fields that are linear on each triangle,
- * given at position y on a triangle with unit normal n as t[3][columns]. Hats of vertices with mask
- * == 0 are left out.
+ * given at position y on a triangle with unit normal n as t[3][columns], against the hats with
+ * known[3 triangle + corner] set.
  */
 typedef struct {
     uint32_t columns;
     void (*at)(const void *context, const double y[3], const double normal[3], double *t);
     const void *context;
-    const uint8_t *mask;
-    double *result; /* [3n][columns]: int U t dGamma at each collocation point */
+    const uint8_t *known;
+    const uint8_t *dropped; /* the same: hats that G leaves out, having no unknown traction; NULL */
+    double *result;         /* [3n][columns]: int U t dGamma at each collocation point */
 } bem_traction;
 
 #define BEM_MAX_TRACTIONS 16

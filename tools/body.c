@@ -68,6 +68,8 @@ bool body_option(body_spec *s, const argument *a) {
         add_fix(s, a, FIX_BOX);
     } else if (strcmp(o, "--fix-nodes") == 0) {
         add_fix(s, a, FIX_NODES);
+    } else if (strcmp(o, "--crisp") == 0) {
+        s->crisp = true;
     } else if (strcmp(o, "--compliance") == 0) {
         s->compliance = body_path(s, a->value[0]);
     } else if (strcmp(o, "--threads") == 0) {
@@ -78,9 +80,13 @@ bool body_option(body_spec *s, const argument *a) {
     return true;
 }
 
-void body_require(const body_spec *s) {
+void body_require_material(const body_spec *s) {
     if (!(s->young_Pa > 0)) die(EXIT_USAGE, "no stiffness: add --young PA");
     if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
+}
+
+void body_require(const body_spec *s) {
+    body_require_material(s);
     if (s->fix_count == 0)
         die(EXIT_USAGE, "no fixed node: add --fix-below, --fix-above, --fix-box or --fix-nodes");
     if (s->as_is && s->levels_given)
@@ -146,7 +152,7 @@ static bool collinear(const mesh *m, const uint8_t *fixed) {
     return b == NULL || off < 1e-6 * mesh_diagonal(m);
 }
 
-uint8_t *body_fixed(const body_spec *s, const mesh *m) {
+uint8_t *body_bones(const body_spec *s, const mesh *m) {
     uint8_t *fixed = allocate(m->vertices, 1);
     for (int k = 0; k < s->fix_count; k++) {
         const fix *f = &s->fixes[k];
@@ -156,6 +162,11 @@ uint8_t *body_fixed(const body_spec *s, const mesh *m) {
         }
         for (uint32_t i = 0; i < m->vertices; i++) fixed[i] |= selects(f, m->x[i]) ? 1 : 0;
     }
+    return fixed;
+}
+
+uint8_t *body_fixed(const body_spec *s, const mesh *m) {
+    uint8_t *fixed = body_bones(s, m);
     uint32_t count = 0;
     for (uint32_t i = 0; i < m->vertices; i++) count += fixed[i];
     double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
@@ -216,8 +227,10 @@ greens body_greens(const body_spec *s, const mesh *m, const uint8_t *fixed, cons
     greens g;
     if (s->compliance != NULL && coarse)
         die(EXIT_USAGE, "--constraint-level is for the solver, not for --compliance");
-    bem_material material = {
-        .young_Pa = s->young_Pa, .poisson = s->poisson, .tolerance = BEM_TOLERANCE};
+    bem_material material = {.young_Pa = s->young_Pa,
+                             .poisson = s->poisson,
+                             .tolerance = BEM_TOLERANCE,
+                             .crisp = s->crisp};
     if (s->compliance != NULL) {
         g = greens_from_npy(s->compliance, m, fixed);
     } else if (coarse) {

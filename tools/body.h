@@ -20,7 +20,7 @@ typedef struct {
 typedef struct {
     const char *mesh_path, *compliance;
     const char *folder; /* of the model file, for relative paths */
-    bool as_is, levels_given;
+    bool as_is, levels_given, crisp;
     uint32_t levels, loop;
     double young_Pa, poisson, density;
     fix fixes[MAX_FIXES];
@@ -31,7 +31,7 @@ typedef struct {
 #define BODY_OPTIONS                                                                               \
     {"--mesh", 1}, {"--levels", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", 1},                 \
         {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2}, {"--fix-above", 2},                \
-        {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {                               \
+        {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0}, {               \
         "--threads", 1                                                                             \
     }
 
@@ -52,7 +52,13 @@ void body_require(const body_spec *s);
 /* Loads, remeshes or subdivides; exits if the mesh is not closed or too large. */
 mesh body_mesh(const body_spec *s);
 
-/* fixed[vertices]; exits if none or all are fixed, or if the body could turn. */
+/* Exits unless the material is given. */
+void body_require_material(const body_spec *s);
+
+/* fixed[vertices] as the fix-... options say. */
+uint8_t *body_bones(const body_spec *s, const mesh *m);
+
+/* The same; exits if none or all are fixed, or if the body could turn. */
 uint8_t *body_fixed(const body_spec *s, const mesh *m);
 
 /* Bytes that the dense matrices take with that many load columns; more than this machine has

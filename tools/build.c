@@ -75,7 +75,7 @@ static void compress_blocks(builder *b) {
         const double *area = r == PALP_FIXED ? b->area : NULL;
         b->columns[r][PALP_FREE] = columns_build(&loads, &b->d->domain[r], area, b->compress);
         b->content.columns[r][PALP_FREE] = &b->columns[r][PALP_FREE];
-        if (!g->reactions || g->basis_count > 0) continue;
+        if (!g->reactions || g->basis_count > 0 || b->o->loads_only) continue;
         b->columns[r][PALP_FIXED] = columns_build(&held, &b->d->domain[r], area, b->compress);
         b->content.columns[r][PALP_FIXED] = &b->columns[r][PALP_FIXED];
     }
@@ -251,7 +251,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         (options->compress.half ? PALP_META_HALF : 0) |
         (options->wavelet.kind == WAVELET_BUTTERFLY ? PALP_META_BUTTERFLY : 0) |
         (g->scalar ? PALP_META_SCALAR : 0) | (g->reactions ? PALP_META_REACTIONS : 0) |
-        (g->reactions && g->basis_count == 0 ? PALP_META_FIXED_COLUMNS : 0);
+        (g->reactions && g->basis_count == 0 && !options->loads_only ? PALP_META_FIXED_COLUMNS : 0);
     out_meta->constraint_level = b.level;
     out_meta->free_blocks = main_block->blocks;
     out_meta->max_groups = main_block->max_groups;

@@ -12,6 +12,7 @@ typedef struct {
     compress_options compress;
     double table_bytes;        /* most that the dense tables of all levels may take together */
     bool raw;                  /* reciprocity not enforced */
+    bool loads_only;           /* no columns of fixed nodes */
     const detail_data *detail; /* display surface; NULL: none */
     uint32_t constraint_level; /* finest level whose columns are stored */
 } build_options;

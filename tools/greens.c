@@ -82,7 +82,8 @@ static void gravity_columns(const rbvp *p, const double *body, const double orig
 }
 
 /* Adds the particular solution back: displacement on F, consistent nodal force on U. */
-static void add_particular(const rbvp *p, const double origin[3], double density) {
+static void add_particular(const rbvp *p, const uint8_t *known, const double origin[3],
+                           double density) {
     size_t n = p->m->vertices;
     for (size_t i = 0; i < n; i++) {
         for (size_t axis = 0; axis < 3 && p->fixed[i] == 0; axis++) {
@@ -98,7 +99,7 @@ static void add_particular(const rbvp *p, const double origin[3], double density
         double normal[3];
         triangle_normal(p->m->x[v[0]], p->m->x[v[1]], p->m->x[v[2]], normal);
         for (size_t c = 0; c < 3; c++) {
-            if (p->fixed[v[c]] == 0) continue;
+            if (known[3 * (size_t)t + c] != 0) continue;
             for (size_t axis = 0; axis < 3; axis++) {
                 double sum = 0; /* 12 times the mean of phi_c (y . e_axis) over the triangle */
                 for (size_t k = 0; k < 3; k++) {
@@ -169,19 +170,56 @@ static void solve_columns(const rbvp *p) {
     free(perm);
 }
 
+/* Corners of triangles, 3 triangle + corner: where the traction is known, and of those the ones of
+ * fixed nodes, whose hats carry no unknown there (NULL when there are none). */
+typedef struct {
+    uint8_t *known, *dropped;
+} corners;
+
+static bool all_fixed(const mesh *m, const uint8_t *fixed, uint32_t triangle) {
+    const uint32_t *t = m->t[triangle];
+    return fixed[t[0]] != 0 && fixed[t[1]] != 0 && fixed[t[2]] != 0;
+}
+
+static corners find_corners(const mesh *m, const uint8_t *fixed, bool crisp) {
+    corners c = {.known = allocate(3 * (size_t)m->triangles, 1)};
+    uint8_t *inside = allocate(m->vertices, 1); /* has a triangle with all corners fixed */
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3 && all_fixed(m, fixed, i); k++) inside[m->t[i][k]] = 1;
+    }
+    if (crisp) c.dropped = allocate(3 * (size_t)m->triangles, 1);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (size_t k = 0; k < 3; k++) {
+            uint32_t v = m->t[i][k];
+            bool drop = crisp && fixed[v] != 0 && inside[v] != 0 && !all_fixed(m, fixed, i);
+            if (drop) c.dropped[3 * (size_t)i + k] = 1;
+            c.known[3 * (size_t)i + k] = fixed[v] == 0 || drop;
+        }
+    }
+    free(inside);
+    return c;
+}
+
+/* Takes what is dropped from the areas that turn tractions into forces. */
+static void spare_dropped(const mesh *m, const corners *c, const uint8_t *fixed, double *area) {
+    for (uint32_t i = 0; i < m->triangles && c->dropped != NULL; i++) {
+        double n[3];
+        const uint32_t *t = m->t[i];
+        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
+        for (size_t k = 0; k < 3; k++) {
+            if (fixed[t[k]] != 0 && c->dropped[3 * (size_t)i + k] != 0) area[t[k]] -= v_norm(n) / 6;
+        }
+    }
+}
+
 /* Assembles with `traction` bound to the free nodes' part of the particular solution. */
-static bem_traction particular_load(const double *origin, const uint8_t *loaded, double *body) {
+static bem_traction particular_load(const double *origin, const corners *c, double *body) {
     return (bem_traction){.columns = 3,
                           .at = hydrostatic_traction,
                           .context = origin,
-                          .mask = loaded,
+                          .known = c->known,
+                          .dropped = c->dropped,
                           .result = body};
-}
-
-static uint8_t *free_mask(const mesh *m, const uint8_t *fixed) {
-    uint8_t *loaded = allocate(m->vertices, 1);
-    for (size_t i = 0; i < m->vertices; i++) loaded[i] = fixed[i] == 0;
-    return loaded;
 }
 
 static double *nodal_area(const mesh *m) {
@@ -246,7 +284,8 @@ static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material
     uint32_t count = h != NULL ? h->domain.level_start[level + 1] : 0;
     size_t loads = h != NULL ? 3 * (size_t)count : order;
     double origin[3], *area = nodal_area(m), *body = allocate(3 * order, sizeof *body);
-    uint8_t *loaded = free_mask(m, fixed);
+    corners c = find_corners(m, fixed, material->crisp);
+    spare_dropped(m, &c, fixed, area);
     rbvp p = {.m = m,
               .fixed = fixed,
               .material = material,
@@ -257,7 +296,7 @@ static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material
     find_center(m, origin);
     p.h = allocate_aligned(order * order, sizeof *p.h);
     p.g = allocate_aligned(order * p.g_stride, sizeof *p.g);
-    bem_traction traction = particular_load(origin, loaded, body);
+    bem_traction traction = particular_load(origin, &c, body);
     if (h != NULL) {
         coarse_rows rows = {
             .p = &p, .h = h, .level = level, .origin = origin, .body = body, .density = density};
@@ -268,12 +307,13 @@ static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material
         gravity_columns(&p, body, origin, density);
     }
     free(body);
-    free(loaded);
     solve_columns(&p);
     free(p.h);
     forces_from_tractions(&p);
-    add_particular(&p, origin, density);
+    add_particular(&p, c.known, origin, density);
     free(area);
+    free(c.known);
+    free(c.dropped);
     greens g = {.nodes = m->vertices,
                 .width = p.g_stride,
                 .m = p.g,

@@ -46,10 +46,10 @@ static void test_patch(mesh m, const char *name, double tolerance, double limit)
     size_t order = 3 * (size_t)m.vertices;
     double *h = allocate(order * order, sizeof *h), *g = allocate(order * order, sizeof *g);
     double *t = allocate(order, sizeof *t);
-    uint8_t *all = allocate(m.vertices, 1);
-    memset(all, 1, m.vertices);
-    bem_material material = {young, poisson, tolerance};
-    bem_traction traction = {.columns = 1, .at = stress_traction, .mask = all, .result = t};
+    uint8_t *all = allocate(3 * (size_t)m.triangles, 1);
+    memset(all, 1, 3 * (size_t)m.triangles);
+    bem_material material = {.young_Pa = young, .poisson = poisson, .tolerance = tolerance};
+    bem_traction traction = {.columns = 1, .at = stress_traction, .known = all, .result = t};
     bem_assemble(&m, &material, h, order, g, order, &traction);
     const double omega[3] = {0.3, -0.5, 0.8};
     double rotation = 0, patch = 0, scale = 0;
