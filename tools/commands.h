@@ -3,7 +3,7 @@
 #ifndef PALP_TOOLS_COMMANDS_H
 #define PALP_TOOLS_COMMANDS_H
 
-#include "core/blob/blob.h"
+#include "core/zone/zones.h"
 
 int command_remesh(int argc, char **argv);
 int command_subdivide(int argc, char **argv);
@@ -23,5 +23,7 @@ void describe_device(const char *name, double rate_hz, bool json);
 /* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay
  * allocated. */
 palp_blob load_blob(const char *path);
+/* The same from bytes already read. */
+palp_blob open_blob(const char *path, const void *data, size_t bytes);
 
 #endif

@@ -123,6 +123,35 @@ static void forces_from_tractions(const rbvp *p) {
     }
 }
 
+/*
+ * The same, work-conjugate to the displacements: f_i = int phi_i t over the patches. Lumping by
+ * areas would get the moment of tractions wrong, and with it reciprocity.
+ */
+static void consistent_forces(const rbvp *p, const uint8_t *known) {
+    const mesh *m = p->m;
+    size_t row = 3 * p->g_stride;
+    double *t = allocate(row * m->vertices, sizeof *t);
+    for (size_t i = 0; i < m->vertices; i++) {
+        if (p->fixed[i] == 0) continue;
+        memcpy(t + row * i, p->g + row * i, row * sizeof *t);
+        memset(p->g + row * i, 0, row * sizeof *t);
+    }
+    for (uint32_t e = 0; e < m->triangles; e++) {
+        const uint32_t *v = m->t[e];
+        double n[3];
+        triangle_normal(m->x[v[0]], m->x[v[1]], m->x[v[2]], n);
+        for (size_t a = 0; a < 9; a++) {
+            size_t i = a / 3, j = a % 3;
+            if (known[3 * (size_t)e + i] != 0 || known[3 * (size_t)e + j] != 0) continue;
+            double weight = (i == j ? 2 : 1) * v_norm(n) / 24 * p->material->young_Pa;
+            double *to = p->g + row * v[i];
+            const double *from = t + row * v[j];
+            for (size_t k = 0; k < row; k++) to[k] += weight * from[k];
+        }
+    }
+    free(t);
+}
+
 /* Largest |load + reactions| over unit nodal loads: what collocation leaves of global equilibrium.
  */
 static double equilibrium_residual(const greens *g) {
@@ -200,18 +229,6 @@ static corners find_corners(const mesh *m, const uint8_t *fixed, bool crisp) {
     return c;
 }
 
-/* Takes what is dropped from the areas that turn tractions into forces. */
-static void spare_dropped(const mesh *m, const corners *c, const uint8_t *fixed, double *area) {
-    for (uint32_t i = 0; i < m->triangles && c->dropped != NULL; i++) {
-        double n[3];
-        const uint32_t *t = m->t[i];
-        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
-        for (size_t k = 0; k < 3; k++) {
-            if (fixed[t[k]] != 0 && c->dropped[3 * (size_t)i + k] != 0) area[t[k]] -= v_norm(n) / 6;
-        }
-    }
-}
-
 /* Assembles with `traction` bound to the free nodes' part of the particular solution. */
 static bem_traction particular_load(const double *origin, const corners *c, double *body) {
     return (bem_traction){.columns = 3,
@@ -285,7 +302,6 @@ static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material
     size_t loads = h != NULL ? 3 * (size_t)count : order;
     double origin[3], *area = nodal_area(m), *body = allocate(3 * order, sizeof *body);
     corners c = find_corners(m, fixed, material->crisp);
-    spare_dropped(m, &c, fixed, area);
     rbvp p = {.m = m,
               .fixed = fixed,
               .material = material,
@@ -309,7 +325,11 @@ static greens solve_rbvp(const mesh *m, const uint8_t *fixed, const bem_material
     free(body);
     solve_columns(&p);
     free(p.h);
-    forces_from_tractions(&p);
+    if (material->crisp) {
+        consistent_forces(&p, c.known);
+    } else {
+        forces_from_tractions(&p);
+    }
     add_particular(&p, c.known, origin, density);
     free(area);
     free(c.known);

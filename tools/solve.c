@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "args.h"
 #include "commands.h"
-#include "core/green/cma.h"
+#include "conditions.h"
 #include "util.h"
+#include "zonesolve.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,24 +21,24 @@ static const char help[] =
     "OUT.csv (default: standard output) gets node,ux,uy,uz,fx,fy,fz for every node.\n"
     "--gravity takes an acceleration in m/s^2.\n"
     "--level imposes displacements on a coarser constraint level, in the mean under each hat, or\n"
-    "with --pairing collocated at its node.\n";
+    "with --pairing collocated at its node.\n"
+    "Of a multizone model --joint NAME VALUE (rad or m, repeatable) poses it, --level is the "
+    "seams' (0 to\n"
+    "5, or diagonal for the block diagonal approximation), nodes are counted through all zones or\n"
+    "written ZONE:NODE, vectors are in the model's coordinates, displacements from the posed rest\n"
+    "shape, and three more columns x,y,z say where each node is.\n";
 
-static const option options[] = {{"--set", 1},     {"-o", 1},        {"--level", 1},
-                                 {"--pairing", 1}, {"--gravity", 3}, {NULL, 0}};
+static const option options[] = {{"--set", 1},     {"-o", 1},      {"--level", 1}, {"--pairing", 1},
+                                 {"--gravity", 3}, {"--joint", 2}, {NULL, 0}};
 
 typedef struct {
     const char *blob, *set, *output, *level, *level_where;
     palp_vec3 gravity;
     bool gravity_given;
     palp_pairing pairing;
+    uint32_t joints;
+    zone_solve_joint joint[PALP_MAX_JOINTS];
 } solve_spec;
-
-typedef struct {
-    uint32_t node;
-    palp_condition condition;
-    palp_vec3 value;
-    size_t line;
-} condition_line;
 
 static void set_option(void *context, const argument *a) {
     solve_spec *s = context;
@@ -53,6 +54,9 @@ static void set_option(void *context, const argument *a) {
     } else if (strcmp(a->option, "--pairing") == 0) {
         static const char *const pairings[] = {"energetic", "collocated", NULL};
         s->pairing = arg_word(a, pairings) == 1 ? PALP_COLLOCATED : PALP_ENERGETIC;
+    } else if (strcmp(a->option, "--joint") == 0) {
+        if (s->joints == PALP_MAX_JOINTS) die(EXIT_USAGE, "--joint: too many");
+        s->joint[s->joints++] = (zone_solve_joint){a->value[0], arg_double(a, 1)};
     } else {
         s->gravity =
             (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
@@ -60,93 +64,17 @@ static void set_option(void *context, const argument *a) {
     }
 }
 
-/* Cuts the line at its commas; returns the number of fields. */
-static int split_fields(char *line, char *field[6]) {
-    int n = 0;
-    for (char *p = line; n < 6; n++) {
-        p += strspn(p, " \t");
-        field[n] = p;
-        char *comma = strchr(p, ',');
-        char *end = comma != NULL ? comma : p + strlen(p);
-        p = end;
-        while (end > field[n] && (end[-1] == ' ' || end[-1] == '\t' || end[-1] == '\r')) end--;
-        bool last = comma == NULL;
-        *end = '\0';
-        if (last) return n + 1;
-        p = comma + 1;
-    }
-    return n + 1;
-}
-
-static condition_line parse_condition(const char *path, size_t line, char *field[6], int fields,
-                                      uint32_t nodes) {
-    static const struct {
-        const char *name;
-        palp_condition condition;
-        int values;
-    } kinds[] = {{"u", PALP_GIVE_DISPLACEMENT, 3},
-                 {"n", PALP_GIVE_NORMAL, 1},
-                 {"f", PALP_GIVE_FORCE, 3},
-                 {"p", PALP_GIVE_TRACTION, 3},
-                 {"free", PALP_RELEASE, 0}};
-    condition_line c = {.line = line};
-    if (fields < 2 || fields > 5)
-        die(EXIT_USAGE, "%s:%zu: need the fields node,kind,x,y,z", path, line);
-    if (!parse_u32(field[0], &c.node) || c.node >= nodes) {
-        die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, path, line, field[0],
-            nodes - 1);
-    }
-    for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++) {
-        if (strcmp(field[1], kinds[k].name) != 0) continue;
-        float value[3] = {0};
-        for (int i = 0; i < kinds[k].values; i++) {
-            double v;
-            if (i + 2 >= fields || !parse_double(field[i + 2], &v)) {
-                die(EXIT_USAGE, "%s:%zu: kind '%s' needs %d finite number(s)", path, line, field[1],
-                    kinds[k].values);
-            }
-            value[i] = (float)v;
-        }
-        for (int i = kinds[k].values + 2; i < fields; i++) {
-            if (field[i][0] != '\0')
-                die(EXIT_USAGE, "%s:%zu: kind '%s' takes no more values", path, line, field[1]);
-        }
-        c.condition = kinds[k].condition;
-        c.value = (palp_vec3){value[0], value[1], value[2]};
-        return c;
-    }
-    die(EXIT_USAGE, "%s:%zu: unknown kind '%s' (u, n, f, p or free)", path, line, field[1]);
-}
-
-static condition_line *read_conditions(const char *path, uint32_t nodes, size_t *count) {
-    size_t bytes, capacity = 0, number = 0;
-    char *text = read_file(path, &bytes);
-    bool marked = strncmp(text, "\xef\xbb\xbf", 3) == 0; /* byte order mark of some spreadsheets */
-    condition_line *list = NULL;
-    bool header = false;
-    *count = 0;
-    for (char *line = text + (marked ? 3 : 0); line != NULL;) {
-        char *next = strchr(line, '\n');
-        if (next != NULL) *next++ = '\0';
-        number++;
-        line[strcspn(line, "\r")] = '\0';
-        if (line[strspn(line, " \t")] != '\0' && line[0] != '#') {
-            char *field[6];
-            int fields = split_fields(line, field);
-            if (!header) {
-                if (strcmp(field[0], "node") != 0)
-                    die(EXIT_USAGE, "%s:%zu: the header must be node,kind,x,y,z", path, number);
-                header = true;
-            } else {
-                list = grow(list, &capacity, *count + 1, sizeof *list);
-                list[(*count)++] = parse_condition(path, number, field, fields, nodes);
-            }
-        }
-        line = next;
-    }
-    if (!header) die(EXIT_USAGE, "%s: empty: need the header node,kind,x,y,z", path);
-    free(text);
-    return list;
+static int solve_zones(const solve_spec *s, const char *data, size_t size) {
+    if (s->pairing != PALP_ENERGETIC) die(EXIT_USAGE, "--pairing is for one body");
+    zone_solve_spec z = {.blob = s->blob,
+                         .set = s->set,
+                         .output = s->output,
+                         .level = s->level,
+                         .gravity = s->gravity,
+                         .gravity_given = s->gravity_given,
+                         .joints = s->joints};
+    memcpy(z.joint, s->joint, sizeof z.joint);
+    return zone_solve(&z, data, size);
 }
 
 static uint32_t choose_level(const palp_blob *b, const char *level) {
@@ -185,12 +113,17 @@ int command_solve(int argc, char **argv) {
     solve_spec s = {.output = "-"};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
-    if (s.set == NULL && !s.gravity_given)
+    if (s.set == NULL && !s.gravity_given && s.joints == 0)
         die(EXIT_USAGE, "nothing to solve: add --set IN.csv or --gravity X Y Z");
-    palp_blob b = load_blob(s.blob);
+    size_t size;
+    char *data = read_file(s.blob, &size);
+    if (palp_zones_are_here(data, size)) return solve_zones(&s, data, size);
+    if (s.joints > 0) die(EXIT_USAGE, "%s: one body has no joints", s.blob);
+    palp_blob b = open_blob(s.blob, data, size);
     uint32_t level = choose_level(&b, s.level);
     size_t count = 0;
-    condition_line *list = s.set != NULL ? read_conditions(s.set, b.meta->nodes, &count) : NULL;
+    condition_line *list =
+        s.set != NULL ? read_conditions(s.set, b.meta->nodes, NULL, NULL, &count) : NULL;
     output out = open_output(s.output);
 
     size_t unknowns = 3 * count;

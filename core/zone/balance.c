@@ -151,6 +151,11 @@ void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint3
     spread(seams, posture->relative, level, zone, w, true, u);
 }
 
+void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                       uint32_t zone, const float *w, float *u) {
+    spread(seams, posture->relative, level, zone, w, false, u);
+}
+
 palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u) {
     uint32_t modes = zones->zone[zone].modes;
     const float *follow = zones->part[zone].follow + 9u * (size_t)slot * modes;

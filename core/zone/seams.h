@@ -127,6 +127,10 @@ float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const f
 void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                      uint32_t zone, const float *w, float *u);
 
+/* The same without the mismatch: u = T^T w. */
+void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                       uint32_t zone, const float *w, float *u);
+
 /* Displacement of a free slot of a zone by its seam modes u (m, zone's frame). 9 M. */
 palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u);
 
