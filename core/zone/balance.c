@@ -165,6 +165,18 @@ palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot
     return sum;
 }
 
+void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
+                         const float *w, palp_vec3 acceleration_m_s2) {
+    palp_seams *q = seams;
+    const palp_zone_part *part = &q->zones->part[zone];
+    palp_vec3 local = palp_rotate_back(posture->frame[zone].r, acceleration_m_s2);
+    spread(q, posture->relative, PALP_SEAM_LEVELS - 1u, zone, w, true, q->zone_modes);
+    stiffness(q, zone, PALP_SEAM_LEVELS - 1u, q->zone_modes, q->zone_forces);
+    for (uint32_t i = 0; i < q->zones->zone[zone].modes && part->weight != NULL; i++)
+        put(q->zone_forces, i,
+            palp_add(at(q->zone_forces, i), palp_rotate(part->weight + 9u * i, local)));
+}
+
 float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
                         const float *w) {
     palp_seams *q = seams;

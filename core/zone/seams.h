@@ -131,6 +131,11 @@ void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint3
 void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                        uint32_t zone, const float *w, float *u);
 
+/* What the neighbours exert at the seams of a zone, K (T^T w + g) + weight, in zone_forces, and the
+ * displacements there in zone_modes: [M][3] in the zone's frame. Tools' part is left out. */
+void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
+                         const float *w, palp_vec3 acceleration_m_s2);
+
 /* Displacement of a free slot of a zone by its seam modes u (m, zone's frame). 9 M. */
 palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u);
 

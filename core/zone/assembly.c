@@ -1,0 +1,241 @@
+/* SPDX-License-Identifier: MIT */
+#include "assembly.h"
+
+static void lay_out(palp_assembly *a, palp_arena *arena) {
+    const palp_zones *z = a->zones;
+    size_t n = 3u * (size_t)a->seams.modes;
+    a->w = palp_take(arena, n, sizeof(float));
+    a->carried = palp_take(arena, n, sizeof(float));
+    a->load = palp_take(arena, n, sizeof(float));
+    a->total = palp_take(arena, n, sizeof(float));
+    a->kept = palp_take(arena, n, sizeof(float));
+    for (uint32_t i = 0; i < z->meta->zones; i++) {
+        a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
+        a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
+    }
+}
+
+/* Modes of all seams on a level. */
+static uint32_t count_modes(const palp_zones *z, uint32_t finest) {
+    uint32_t sum = 0;
+    for (uint32_t s = 0; s < z->meta->seams; s++) sum += z->seam[s].level_modes[finest];
+    return sum;
+}
+
+size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
+    palp_arena arena = {0};
+    size_t seams = palp_seams_memsize(zones, finest), n = count_modes(zones, finest);
+    if (seams == 0u && zones->meta->seams > 0u) return 0;
+    (void)palp_take(&arena, seams, 1);
+    for (uint32_t k = 0; k < 5u; k++) (void)palp_take(&arena, 3u * n, sizeof(float));
+    for (uint32_t i = 0; i < 2u * zones->meta->zones; i++)
+        (void)palp_take(&arena, 3u * (size_t)zones->zone[i / 2u].modes, sizeof(float));
+    return arena.used;
+}
+
+palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
+                               void *memory, size_t bytes) {
+    palp_assembly *a = assembly;
+    palp_arena arena = {.base = memory};
+    if (finest >= PALP_SEAM_LEVELS) return PALP_ERR_LIMITS;
+    size_t need = palp_assembly_memsize(zones, finest), seams = palp_seams_memsize(zones, finest);
+    if (need == 0u) return PALP_ERR_LIMITS;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < need) return PALP_ERR_MEMORY;
+    a->zones = zones;
+    a->gravity_m_s2 = (palp_vec3){0.0f, 0.0f, 0.0f};
+    a->level = finest;
+    void *part = palp_take(&arena, seams, 1);
+    palp_status status = palp_seams_init(&a->seams, zones, finest, part, seams);
+    if (status != PALP_OK) return status;
+    lay_out(a, &arena);
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] = a->carried[i] = a->total[i] = 0.0f;
+    palp_assembly_unload(a);
+    palp_posture_rest(&a->posture, zones);
+    palp_assembly_pose(a, a->posture.value, &a->posture.root);
+    palp_assembly_settle(a);
+    return PALP_OK;
+}
+
+void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root) {
+    palp_assembly *a = assembly;
+    palp_posture_set(&a->posture, a->zones, value, root);
+    for (uint32_t i = 0; i < a->zones->meta->zones; i++)
+        a->world[i] = palp_posture_world(&a->posture, i);
+}
+
+float palp_assembly_drift(const palp_assembly *assembly) {
+    const palp_assembly *a = assembly;
+    const palp_seam_factor *f = &a->seams.factor[a->seams.now];
+    float most = 0.0f;
+    for (uint32_t s = 0; s < a->zones->meta->seams; s++) {
+        float d = palp_frame_distance(&a->posture.relative[s], &f->relative[s],
+                                      a->zones->seam[s].length_m);
+        most = palp_max(most, d);
+    }
+    return most;
+}
+
+/* w by the factor in use, without what is carried. */
+static void solve_bare(palp_assembly *a, float *w) {
+    palp_seams *q = &a->seams;
+    const palp_seam_factor *f = palp_seams_factor(q);
+    a->level = f->diagonal ? PALP_DIAGONAL : f->level;
+    float *r = a->total;
+    palp_seams_mismatch(q, &a->posture, f->level, r);
+    palp_seams_gravity(q, &a->posture, f->level,
+                       palp_rotate_back(a->posture.root.r, a->gravity_m_s2), r);
+    if (!f->diagonal && palp_assembly_drift(a) > 0.0f) {
+        (void)palp_seams_iterate(q, &a->posture, r, PALP_ASSEMBLY_ITERATIONS, w);
+        return;
+    }
+    for (uint32_t i = 0; i < 3u * q->modes; i++) w[i] = r[i];
+    palp_seams_solve(q, w);
+}
+
+static void share_out(palp_assembly *a) {
+    for (uint32_t i = 0; i < a->zones->meta->zones; i++)
+        palp_seams_zone(&a->seams, &a->posture, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
+}
+
+void palp_assembly_settle(palp_assembly *assembly) {
+    palp_assembly *a = assembly;
+    solve_bare(a, a->w);
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] += a->carried[i];
+    share_out(a);
+}
+
+float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level) {
+    const palp_assembly *a = assembly;
+    float modes = 0.0f;
+    for (uint32_t i = 0; i < a->zones->meta->zones; i++) modes += (float)a->zones->zone[i].modes;
+    return (1.0f + (float)PALP_ASSEMBLY_ITERATIONS) * palp_seams_cost_solve(&a->seams, level) +
+           (9.0f * PALP_AFFINE_MODES + 40.0f) * modes;
+}
+
+void palp_assembly_relax(palp_assembly *assembly, float share) {
+    palp_assembly *a = assembly;
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->carried[i] -= share * a->carried[i];
+}
+
+palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
+    const palp_assembly *a = assembly;
+    const palp_blob *b = &a->zones->blob[zone];
+    palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
+    if (!palp_node_is_fixed(b, node))
+        x = palp_add(x, palp_zone_follow(a->zones, zone, palp_node_slot(b, node), a->bent[zone]));
+    return palp_carry(&a->world[zone], x);
+}
+
+palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
+    const palp_assembly *a = assembly;
+    return palp_rotate(a->world[zone].r,
+                       palp_vec3_at(a->zones->blob[zone].normal + 3u * (size_t)node));
+}
+
+void palp_assembly_push(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 d,
+                        float *row, uint64_t *touched) {
+    palp_assembly *a = assembly;
+    const palp_zone_part *part = &a->zones->part[zone];
+    palp_seams_load(&a->seams, &a->posture, palp_seams_factor(&a->seams)->level, zone, slot, d,
+                    row);
+    for (uint32_t k = 0; k < part->seams; k++) *touched |= 1ull << part->seam[k];
+}
+
+void palp_assembly_sweep(palp_assembly *assembly, float *row, uint64_t *touched) {
+    palp_seams_forward(&assembly->seams, row, touched);
+}
+
+float palp_assembly_dot(const palp_assembly *assembly, const float *a, uint64_t in_a,
+                        const float *b, uint64_t in_b) {
+    const palp_seams *q = &assembly->seams;
+    uint32_t level = q->factor[q->now].level;
+    uint64_t both = in_a & in_b;
+    float sum = 0.0f;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
+        if ((both >> s & 1u) == 0u) continue;
+        const float *x = a + 3u * q->first_mode[s], *y = b + 3u * q->first_mode[s];
+        uint32_t n = 3u * palp_seam_modes(q, s, level);
+        for (uint32_t i = 0; i < n; i++) sum += x[i] * y[i];
+    }
+    return sum;
+}
+
+void palp_assembly_unload(palp_assembly *assembly) {
+    const palp_zones *z = assembly->zones;
+    for (uint32_t i = 0; i < 3u * assembly->seams.modes; i++) assembly->load[i] = 0.0f;
+    for (uint32_t k = 0; k < z->meta->zones; k++) {
+        for (uint32_t i = 0; i < 3u * z->zone[k].modes; i++) assembly->pushed[k][i] = 0.0f;
+    }
+}
+
+void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 force_N) {
+    palp_seams *q = &assembly->seams;
+    uint32_t modes = assembly->zones->zone[zone].modes;
+    const float *follow = assembly->zones->part[zone].follow + 9u * (size_t)slot * modes;
+    float *pushed = assembly->pushed[zone];
+    palp_seams_load(q, &assembly->posture, palp_seams_factor(q)->level, zone, slot, force_N,
+                    assembly->load);
+    for (uint32_t i = 0; i < modes; i++) {
+        palp_vec3 p = palp_rotate_back(follow + 9u * i, force_N);
+        pushed[3u * i] += p.x;
+        pushed[3u * i + 1u] += p.y;
+        pushed[3u * i + 2u] += p.z;
+    }
+}
+
+const float *palp_assembly_total(palp_assembly *assembly) {
+    palp_assembly *a = assembly;
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->total[i] = a->load[i];
+    palp_seams_solve(&a->seams, a->total);
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->total[i] += a->w[i];
+    return a->total;
+}
+
+bool palp_assembly_take(palp_assembly *assembly) {
+    palp_assembly *a = assembly;
+    palp_seams *q = &a->seams;
+    uint32_t n = 3u * q->modes;
+    const palp_seam_factor *f = palp_seams_factor(q), *next = &q->factor[1u - q->now];
+    bool other = f->level != next->level || f->diagonal != next->diagonal;
+    const float *total = palp_assembly_total(a);
+    for (uint32_t i = 0; i < n && other; i++) a->kept[i] = total[i];
+    if (!palp_seams_take(q)) return false;
+    if (!other) {
+        palp_assembly_settle(a);
+        return true;
+    }
+    solve_bare(a, a->w);
+    total = palp_assembly_total(a);
+    for (uint32_t i = 0; i < n; i++) a->carried[i] = a->kept[i] - total[i];
+    for (uint32_t i = 0; i < n; i++) a->w[i] += a->carried[i];
+    share_out(a);
+    return true;
+}
+
+void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *force_N,
+                          palp_vec3 *moment_Nm) {
+    palp_assembly *a = assembly;
+    palp_seams *q = &a->seams;
+    const palp_zone_part *part = &a->zones->part[zone];
+    palp_vec3 force = {0.0f, 0.0f, 0.0f}, moment = force;
+    palp_seams_reaction(q, &a->posture, zone, a->total,
+                        palp_rotate_back(a->posture.root.r, a->gravity_m_s2));
+    for (uint32_t k = 0; k < part->seams; k++) {
+        const palp_seam_entry *e = &a->zones->seam[part->seam[k]];
+        for (uint32_t i = 0; i < e->modes; i++) {
+            uint32_t mode = part->first[k] + i;
+            palp_vec3 f = palp_sub(palp_vec3_at(q->zone_forces + 3u * mode),
+                                   palp_vec3_at(a->pushed[zone] + 3u * mode));
+            palp_vec3 x = palp_vec3_at(q->zone_modes + 3u * mode);
+            if (i < PALP_AFFINE_MODES) {
+                force = palp_madd(force, e->ones[i], f);
+                x = palp_add(x, palp_vec3_at(e->place_m[i]));
+            }
+            moment = palp_add(moment, palp_cross(x, f));
+        }
+    }
+    const palp_frame *frame = &a->world[zone];
+    *force_N = palp_rotate(frame->r, force);
+    *moment_Nm = palp_add(palp_rotate(frame->r, moment), palp_cross(frame->t, *force_N));
+}

@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A posed multizone model as contact sees it: where its surface is without contact, and how it
+ * gives where it is pushed.
+ *
+ * The compliance between a push along d at one place and another elsewhere is (MZ VII, in force
+ * form)
+ *
+ *     d^T G d'  (within a zone)  +  h^T A^-1 h',   h = T H^T d
+ *
+ * the zone's own Green's functions and the response of all seams; the second part is kept as the
+ * dot product of rows y = R^-T h. It is positive definite with the first.
+ */
+#ifndef PALP_ZONE_ASSEMBLY_H
+#define PALP_ZONE_ASSEMBLY_H
+
+#include "core/zone/seams.h"
+
+typedef struct {
+    const palp_zones *zones;
+    palp_seams seams;
+    palp_posture posture;
+    palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
+    palp_vec3 gravity_m_s2;           /* world */
+    float *w;                         /* seams without contact */
+    float *carried;                   /* what a change of level is still held back by, like w */
+    float *load, *total, *kept;       /* vectors over the seams */
+    float *pushed[PALP_MAX_ZONES];    /* [M][3] H^T f of the load on each zone */
+    float *bent[PALP_MAX_ZONES];      /* [M][3] of each zone without contact, its frame */
+    uint32_t level;                   /* of the factor in use; PALP_DIAGONAL: the approximation */
+} palp_assembly;
+
+#define PALP_ASSEMBLY_ITERATIONS 3u /* of conjugate gradients with a factor of another posture */
+
+size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest);
+
+/* In the rest posture, on the finest level. Errors: those of palp_seams_init. */
+palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
+                               void *memory, size_t bytes);
+
+/* Takes joint values and the place of zone 0. The seams follow by palp_assembly_settle. */
+void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root);
+
+/* How far the posture has moved off that of the factor in use: largest change of a rotation's entry
+ * or of a place over the seam's size. */
+float palp_assembly_drift(const palp_assembly *assembly);
+
+/*
+ * The seams without contact, by the factor in use: one solve, or where the posture is another than
+ * the factor's, PALP_ASSEMBLY_ITERATIONS of conjugate gradients. Then each zone's share of them.
+ */
+void palp_assembly_settle(palp_assembly *assembly);
+float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level);
+
+/* Lets what a change of level held back fade; share 0..1. */
+void palp_assembly_relax(palp_assembly *assembly, float share);
+
+/* Where a free node is without contact (world, m), and its rest normal, turned. 9 M and 9. */
+palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node);
+palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node);
+
+/*
+ * y = R^-T T H^T d for a unit push along d (zone's frame) on a free slot, added to row[3 modes]
+ * before the sweep: call with `sweep` for the last push of a candidate. `touched` marks its seams.
+ */
+void palp_assembly_push(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 d,
+                        float *row, uint64_t *touched);
+void palp_assembly_sweep(palp_assembly *assembly, float *row, uint64_t *touched);
+float palp_assembly_dot(const palp_assembly *assembly, const float *a, uint64_t in_a,
+                        const float *b, uint64_t in_b);
+
+/* Seams under forces: load is cleared, force added for each push, then total = w + A^-1 load. */
+void palp_assembly_unload(palp_assembly *assembly);
+void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 force_N);
+const float *palp_assembly_total(palp_assembly *assembly);
+
+/*
+ * Puts a factor that has been made aside (palp_seams_step) to use without a jump: `carried` takes
+ * up the difference that it makes under the present loads. False if it is not sound.
+ */
+bool palp_assembly_take(palp_assembly *assembly);
+
+/*
+ * What the elastic model does to the link of `zone` through its seams: force (N) and moment (Nm)
+ * about the world's origin, world frame, under the total displacements. Minus the work that links
+ * do on it. Forces of tools on the zone's surface come on top.
+ */
+void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *force_N,
+                          palp_vec3 *moment_Nm);
+
+#endif
