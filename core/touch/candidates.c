@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Contact, first half: which basis functions are near a tool, and their compliances. */
 #include "contact.h"
+#include "core/base/frame.h"
 
 #define MARGIN 0.35f /* candidates are taken in this far before they touch, over the size */
 #define FACING 0.2f  /* least cosine between a new one's normal and the direction of the tool */
@@ -9,13 +10,24 @@
 #define MAX_NEIGHBOURS 64u /* of a basis function on a coarse level */
 #define BORDER 0.15f       /* idle candidates may be this far on the wrong side of the zone */
 
-static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, palp_arena *arena) {
-    uint32_t slots = b->domain[PALP_FREE].slots;
+static uint32_t level_in(const palp_contact *c, uint32_t body) {
+    return c->assembly != NULL ? palp_contact_blob(c, body)->meta->constraint_level : c->level;
+}
+
+/* Longest row that a candidate may need, 0 if all compliances are in tables. */
+static uint32_t longest_row(const palp_blob *b) {
+    return b->level[b->meta->constraint_level].table != NULL ? 0u : b->meta->max_row;
+}
+
+void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t longest,
+                          uint32_t most_slots) {
+    palp_contact *c = contact;
+    const palp_contact_limits l = c->limits;
+    uint32_t slots = c->first_slot[c->bodies];
     size_t pairs = (size_t)l.max_candidates * l.max_candidates;
-    bool table = b->level[b->meta->constraint_level].table != NULL;
-    *c = (palp_contact){.blob = b, .limits = l};
+    uint32_t spots = c->seam_width > 0u ? 2u : 1u;
     c->candidate = palp_take(arena, l.max_candidates, sizeof *c->candidate);
-    c->row = palp_take(arena, l.max_candidates, sizeof *c->row);
+    c->row = palp_take(arena, spots * l.max_candidates, sizeof *c->row);
     c->compliance = palp_take(arena, pairs, sizeof(float));
     c->block = l.friction ? palp_take(arena, 9u * pairs, sizeof(float)) : NULL;
     c->factor = palp_take(arena, (size_t)l.max_active * l.max_active, sizeof(float));
@@ -24,10 +36,14 @@ static void lay_out(palp_contact *c, const palp_blob *b, palp_contact_limits l, 
     c->work = palp_take(arena, l.max_active + 1u, sizeof(float));
     c->jacobian = palp_take(arena, 3u * PALP_MAX_TOOLS * (size_t)l.max_active, sizeof(float));
     c->place = palp_take(arena, slots, sizeof(uint16_t));
-    c->scratch.weight = palp_take(arena, slots, sizeof(float));
-    c->scratch.mark = palp_take(arena, (slots + 31u) / 32u, sizeof(uint32_t));
-    for (uint32_t i = 0; i < l.max_candidates; i++) {
-        uint32_t longest = table ? 0u : b->meta->max_row;
+    c->scratch.weight = palp_take(arena, most_slots, sizeof(float));
+    c->scratch.mark = palp_take(arena, (most_slots + 31u) / 32u, sizeof(uint32_t));
+    if (c->seam_width > 0u) {
+        c->local = palp_take(arena, pairs, sizeof(float));
+        c->seam_row = palp_take(arena, (size_t)l.max_candidates * c->seam_width, sizeof(float));
+        c->touched = palp_take(arena, l.max_candidates, sizeof(uint64_t));
+    }
+    for (uint32_t i = 0; i < spots * l.max_candidates; i++) {
         uint16_t *index = palp_take(arena, longest, sizeof(uint16_t));
         float *weight = palp_take(arena, longest, sizeof(float));
         if (arena->base != NULL) c->row[i] = (palp_row){.index = index, .weight = weight};
@@ -41,40 +57,63 @@ bool palp_contact_limits_sound(palp_contact_limits l) {
 }
 
 size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits) {
-    palp_contact c;
+    uint32_t slots = blob->domain[PALP_FREE].slots;
+    palp_contact c = {.blob = blob, .limits = limits, .bodies = 1, .first_slot = {0, slots}};
     palp_arena arena = {0};
-    lay_out(&c, blob, limits, &arena);
+    palp_contact_lay_out(&c, &arena, longest_row(blob), slots);
     return arena.used;
+}
+
+palp_status palp_contact_begin_use(palp_contact *contact, const palp_tool *tools,
+                                   uint32_t tool_count) {
+    palp_contact *c = contact;
+    if (tool_count < 1u || tool_count > PALP_MAX_TOOLS) return PALP_ERR_ARGUMENT;
+    for (uint32_t t = 0; t < tool_count; t++) {
+        if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
+        if (tools[t].friction > 0.0f && !c->limits.friction) return PALP_ERR_ARGUMENT;
+        c->size_m[t] = palp_tool_size(&tools[t]);
+    }
+    c->size_m[PALP_ZONE_TOOL] = c->blob->meta->mean_edge_m;
+    c->tools = tools;
+    c->tool_count = tool_count;
+    c->level = c->outer = c->blob->meta->constraint_level;
+    return PALP_OK;
+}
+
+void palp_contact_clean(palp_contact *contact, uint32_t most_slots) {
+    palp_contact *c = contact;
+    for (uint32_t i = 0; i < c->first_slot[c->bodies]; i++) c->place[i] = 0;
+    for (uint32_t i = 0; i < most_slots; i++) c->scratch.weight[i] = 0.0f;
+    for (uint32_t i = 0; i < (most_slots + 31u) / 32u; i++) c->scratch.mark[i] = 0u;
 }
 
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
                               const palp_tool *tools, uint32_t tool_count,
                               palp_contact_limits limits, void *memory, size_t bytes) {
     palp_arena arena = {.base = memory};
+    uint32_t slots = blob->domain[PALP_FREE].slots;
+    palp_contact c = {.blob = blob,
+                      .position_m = position_m,
+                      .limits = limits,
+                      .bodies = 1,
+                      .first_slot = {0, slots}};
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
-    if (tool_count < 1u || tool_count > PALP_MAX_TOOLS) return PALP_ERR_ARGUMENT;
     if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
-    for (uint32_t t = 0; t < tool_count; t++) {
-        if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
-        if (tools[t].friction > 0.0f && !limits.friction) return PALP_ERR_ARGUMENT;
-    }
+    palp_status status = palp_contact_begin_use(&c, tools, tool_count);
+    if (status != PALP_OK) return status;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
-    lay_out(contact, blob, limits, &arena);
-    uint32_t slots = blob->domain[PALP_FREE].slots;
-    contact->position_m = position_m;
-    contact->tools = tools;
-    contact->tool_count = tool_count;
-    for (uint32_t t = 0; t < tool_count; t++) contact->size_m[t] = palp_tool_size(&tools[t]);
-    contact->level = contact->outer = blob->meta->constraint_level;
-    for (uint32_t i = 0; i < slots; i++) contact->place[i] = 0;
-    for (uint32_t i = 0; i < slots; i++) contact->scratch.weight[i] = 0.0f;
-    for (uint32_t i = 0; i < (slots + 31u) / 32u; i++) contact->scratch.mark[i] = 0u;
+    palp_contact_lay_out(&c, &arena, longest_row(blob), slots);
+    palp_contact_clean(&c, slots);
+    *contact = c;
     return PALP_OK;
 }
 
 void palp_contact_clear(palp_contact *contact, uint32_t level) {
-    for (uint32_t i = 0; i < contact->count; i++) contact->place[contact->candidate[i].slot] = 0;
+    for (uint32_t i = 0; i < contact->count; i++) {
+        const palp_candidate *k = &contact->candidate[i];
+        contact->place[contact->first_slot[k->body] + k->slot] = 0;
+    }
     contact->count = contact->active_count = contact->changes = contact->flags = 0;
     bool table = contact->blob->level[level].table != NULL;
     contact->level = table ? level : contact->blob->meta->constraint_level;
@@ -87,15 +126,11 @@ void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t ou
     contact->zone = zone;
 }
 
-static palp_vec3 position(const palp_contact *c, uint32_t node) {
-    return palp_vec3_at(c->position_m + 3u * node);
-}
-static palp_vec3 normal(const palp_contact *c, uint32_t node) {
-    return palp_vec3_at(c->blob->normal + 3u * node);
-}
-
 /* What one evaluation of a tool counts as. */
-static uint32_t evaluation(const palp_tool *t) { return t->balls > 0u ? 60u * t->balls : 160u; }
+static uint32_t evaluation(const palp_contact *c, uint32_t tool) {
+    if (tool == PALP_ZONE_TOOL) return 60u;
+    return c->tools[tool].balls > 0u ? 60u * c->tools[tool].balls : 160u;
+}
 
 static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
 
@@ -105,16 +140,16 @@ uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint3
     if (slot >= b->level[c->level].nodes) return PALP_MAX_LEVELS;
     if (!is_mixed(c)) return c->level;
     uint32_t node = b->domain[PALP_FREE].node[slot];
-    palp_touch at =
-        palp_tool_at(&c->tools[tool], c->about[tool], position(c, node), normal(c, node));
+    palp_touch at = palp_tool_at(&c->tools[tool], c->about[tool], palp_contact_place(c, 0, node),
+                                 palp_contact_normal(c, 0, node));
     if (at.reach <= c->zone) return c->level;
     return slot < b->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
 }
 
 /* ---- search ---- */
 
-static float distance2(const palp_contact *c, uint32_t node, palp_vec3 p) {
-    palp_vec3 d = palp_sub(position(c, node), p);
+static float distance2(const float *position_m, uint32_t node, palp_vec3 p) {
+    palp_vec3 d = palp_sub(palp_vec3_at(position_m + 3u * (size_t)node), p);
     return palp_dot(d, d);
 }
 
@@ -126,8 +161,12 @@ static uint32_t cell_of(const palp_meta *m, uint32_t axis, float x) {
 }
 
 /* Nearest node among the 27 cells around p, then downhill along the surface. */
-static uint32_t find_nearest(const palp_contact *c, palp_vec3 p, uint32_t nearest) {
-    const palp_meta *m = c->blob->meta;
+uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_vec3 rest_m,
+                              uint32_t nearest) {
+    const palp_blob *blob = palp_contact_blob(contact, body);
+    const float *place = contact->assembly != NULL ? blob->rest_m : contact->position_m;
+    const palp_meta *m = blob->meta;
+    const palp_vec3 p = rest_m;
     const float x[3] = {p.x, p.y, p.z};
     uint32_t low[3], high[3];
     for (uint32_t k = 0; k < 3; k++) {
@@ -135,26 +174,26 @@ static uint32_t find_nearest(const palp_contact *c, palp_vec3 p, uint32_t neares
         low[k] = cell > 0u ? cell - 1u : 0u;
         high[k] = cell + 1u < m->cells[k] ? cell + 1u : cell;
     }
-    float best = distance2(c, nearest, p);
+    float best = distance2(place, nearest, p);
     for (uint32_t z = low[2]; z <= high[2]; z++) {
         for (uint32_t y = low[1]; y <= high[1]; y++) {
             uint32_t row = (z * m->cells[1] + y) * m->cells[0];
-            for (uint32_t i = c->blob->cell_offset[row + low[0]];
-                 i < c->blob->cell_offset[row + high[0] + 1u]; i++) {
-                float d = distance2(c, c->blob->cell_node[i], p);
+            for (uint32_t i = blob->cell_offset[row + low[0]];
+                 i < blob->cell_offset[row + high[0] + 1u]; i++) {
+                float d = distance2(place, blob->cell_node[i], p);
                 if (d >= best) continue;
                 best = d;
-                nearest = c->blob->cell_node[i];
+                nearest = blob->cell_node[i];
             }
         }
     }
     for (uint32_t step = 0; step < DESCENT_STEPS; step++) {
         uint32_t from = nearest;
-        for (uint32_t i = c->blob->ring_offset[from]; i < c->blob->ring_offset[from + 1u]; i++) {
-            float d = distance2(c, c->blob->ring[i], p);
+        for (uint32_t i = blob->ring_offset[from]; i < blob->ring_offset[from + 1u]; i++) {
+            float d = distance2(place, blob->ring[i], p);
             if (d >= best) continue;
             best = d;
-            nearest = c->blob->ring[i];
+            nearest = blob->ring[i];
         }
         if (nearest == from) break;
     }
@@ -163,9 +202,10 @@ static uint32_t find_nearest(const palp_contact *c, palp_vec3 p, uint32_t neares
 
 /* The slot on the contact's level above `slot`: parents until one is coarse enough; the number of
  * slots if there is none. */
-static uint32_t ancestor(const palp_contact *c, uint32_t slot) {
-    const palp_domain *d = &c->blob->domain[PALP_FREE];
-    uint32_t nodes = c->blob->level[c->level].nodes;
+static uint32_t ancestor(const palp_contact *c, uint32_t body, uint32_t slot) {
+    const palp_blob *b = palp_contact_blob(c, body);
+    const palp_domain *d = &b->domain[PALP_FREE];
+    uint32_t nodes = b->level[level_in(c, body)].nodes;
     for (uint32_t l = 0; l < PALP_MAX_LEVELS && slot >= nodes; l++) {
         uint32_t side = d->predict[2u * slot] > 0.0f ? 0u : 1u;
         if (!(d->predict[2u * slot + side] > 0.0f)) return d->slots;
@@ -197,48 +237,56 @@ static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth)
     p->found = last + 1u;
 }
 
-static void propose_one(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
-    if (c->place[slot] != 0u) return;
-    uint32_t node = c->blob->domain[PALP_FREE].node[slot];
-    const palp_tool *t = &c->tools[tool];
-    palp_touch at = palp_tool_at(t, p->center[tool], position(c, node), normal(c, node));
-    c->work_done += evaluation(t);
+static void propose_one(palp_contact *c, proposals *p, palp_fresh fresh) {
+    if (c->place[c->first_slot[fresh.body] + fresh.slot] != 0u) return;
+    uint32_t node = palp_contact_blob(c, fresh.body)->domain[PALP_FREE].node[fresh.slot];
+    palp_touch at = palp_tool_at(&c->tools[fresh.tool], p->center[fresh.tool],
+                                 palp_contact_place(c, fresh.body, node),
+                                 palp_contact_normal(c, fresh.body, node));
+    c->work_done += evaluation(c, fresh.tool);
     if (at.facing < FACING || at.reach > 1.0f) return;
-    if (at.depth_m < -MARGIN * c->size_m[tool]) return;
+    if (at.depth_m < -MARGIN * c->size_m[fresh.tool]) return;
     for (uint32_t i = 0; i < p->found; i++) {
-        if (p->fresh[i].slot == slot) return;
+        if (p->fresh[i].slot == fresh.slot && p->fresh[i].body == fresh.body) return;
     }
-    insert(c, p, (palp_fresh){slot, tool}, at.depth_m);
+    insert(c, p, fresh, at.depth_m);
 }
 
 /* A slot, or the hats above it where the set is coarse. */
-static void propose(palp_contact *c, proposals *p, uint32_t slot, uint32_t tool) {
-    const palp_domain *d = &c->blob->domain[PALP_FREE];
-    if (is_mixed(c)) c->work_done += 3u * evaluation(&c->tools[tool]);
-    if (palp_contact_level_of(c, slot, tool) < PALP_MAX_LEVELS) {
-        propose_one(c, p, slot, tool);
+static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
+    const palp_domain *d = &palp_contact_blob(c, fresh.body)->domain[PALP_FREE];
+    if (c->assembly != NULL) {
+        uint32_t slot = ancestor(c, fresh.body, fresh.slot);
+        if (slot < d->slots) propose_one(c, p, (palp_fresh){slot, fresh.tool, fresh.body, 0, 0});
+        return;
+    }
+    if (is_mixed(c)) c->work_done += 3u * evaluation(c, fresh.tool);
+    if (palp_contact_level_of(c, fresh.slot, fresh.tool) < PALP_MAX_LEVELS) {
+        propose_one(c, p, fresh);
         return;
     }
     for (uint32_t side = 0; side < 2; side++) {
-        uint32_t parent = d->parent[2u * slot + side];
-        bool known = d->predict[2u * slot + side] > 0.0f &&
-                     palp_contact_level_of(c, parent, tool) < PALP_MAX_LEVELS;
-        if (known) propose_one(c, p, parent, tool);
+        uint32_t parent = d->parent[2u * fresh.slot + side];
+        bool known = d->predict[2u * fresh.slot + side] > 0.0f &&
+                     palp_contact_level_of(c, parent, fresh.tool) < PALP_MAX_LEVELS;
+        if (known) propose_one(c, p, (palp_fresh){parent, fresh.tool, fresh.body, 0, 0});
     }
 }
 
 static void propose_neighbours(palp_contact *c, proposals *p, const palp_candidate *k) {
-    const palp_blob *b = c->blob;
+    const palp_blob *b = palp_contact_blob(c, k->body);
+    if (k->tool == PALP_ZONE_TOOL) return; /* pairs.c */
     if (k->level + 1u < b->meta->levels) {
         uint32_t near[MAX_NEIGHBOURS];
         uint32_t n =
             palp_level_neighbours(&b->domain[PALP_FREE], k->slot, k->level, near, MAX_NEIGHBOURS);
-        for (uint32_t i = 0; i < n; i++) propose(c, p, near[i], k->tool);
+        for (uint32_t i = 0; i < n; i++)
+            propose(c, p, (palp_fresh){near[i], k->tool, k->body, 0, 0});
         return;
     }
     for (uint32_t i = b->ring_offset[k->node]; i < b->ring_offset[k->node + 1u]; i++) {
         if (!palp_node_is_fixed(b, b->ring[i]))
-            propose(c, p, palp_node_slot(b, b->ring[i]), k->tool);
+            propose(c, p, (palp_fresh){palp_node_slot(b, b->ring[i]), k->tool, k->body, 0, 0});
     }
 }
 
@@ -246,18 +294,26 @@ static void propose_neighbours(palp_contact *c, proposals *p, const palp_candida
 static void drop(palp_contact *c, uint32_t i) {
     uint32_t last = --c->count;
     size_t stride = c->limits.max_candidates;
-    c->place[c->candidate[i].slot] = 0;
+    const palp_candidate *gone = &c->candidate[i];
+    c->place[c->first_slot[gone->body] + gone->slot] = 0;
     if (i == last) return;
-    palp_row spare = c->row[i];
+    for (size_t k = 0; k < (c->assembly != NULL ? 2u * stride : stride); k += stride) {
+        palp_row spare = c->row[k + i];
+        c->row[k + i] = c->row[k + last];
+        c->row[k + last] = spare;
+    }
     c->candidate[i] = c->candidate[last];
-    c->row[i] = c->row[last];
-    c->row[last] = spare;
-    c->place[c->candidate[i].slot] = (uint16_t)(i + 1u);
+    c->place[c->first_slot[c->candidate[i].body] + c->candidate[i].slot] = (uint16_t)(i + 1u);
     for (uint32_t k = 0; k <= last; k++) {
         uint32_t from = k == i ? last : k;
         float g = c->compliance[last * stride + from];
         c->compliance[i * stride + k] = g;
         c->compliance[k * stride + i] = g;
+        if (c->assembly != NULL) {
+            g = c->local[last * stride + from];
+            c->local[i * stride + k] = g;
+            c->local[k * stride + i] = g;
+        }
         if (c->block == NULL) continue;
         for (uint32_t e = 0; e < 9; e++) {
             float value = c->block[9u * (last * stride + from) + e];
@@ -265,10 +321,13 @@ static void drop(palp_contact *c, uint32_t i) {
             c->block[9u * (k * stride + i) + (e % 3u) * 3u + e / 3u] = value;
         }
     }
+    for (uint32_t k = 0; k < c->seam_width; k++)
+        c->seam_row[(size_t)i * c->seam_width + k] = c->seam_row[(size_t)last * c->seam_width + k];
+    if (c->assembly != NULL) c->touched[i] = c->touched[last];
     for (uint32_t a = 0; a < c->active_count; a++) {
         if (c->active[a] == last) c->active[a] = i;
     }
-    c->work_done += c->block != NULL ? 18u * last : last;
+    c->work_done += (c->block != NULL ? 18u * last : last) + c->seam_width;
 }
 
 /*
@@ -276,7 +335,7 @@ static void drop(palp_contact *c, uint32_t i) {
  * grip let it rest, still asked of them, with the forces of that solve.
  */
 static void shrink_relief(palp_contact *c) {
-    palp_vec3 moved[PALP_MAX_TOOLS] = {{0}};
+    palp_vec3 moved[PALP_MAX_TOOLS + 1u] = {{0}};
     for (uint32_t t = 0; t < c->tool_count; t++) {
         if (c->grip[t].stiffness_N_per_m > 0.0f)
             moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_contact_force(c, t));
@@ -294,9 +353,8 @@ static void shrink_relief(palp_contact *c) {
 static void drop_idle(palp_contact *c, const palp_vec3 *center) {
     for (uint32_t i = c->count; i-- > 0u;) {
         palp_candidate *k = &c->candidate[i];
-        const palp_tool *t = &c->tools[k->tool];
-        k->at = palp_tool_at(t, center[k->tool], k->x, k->n);
-        c->work_done += evaluation(t);
+        k->at = palp_contact_see(c, k, center);
+        c->work_done += evaluation(c, k->tool);
         float slack = BORDER * palp_max(palp_abs(c->zone), BORDER);
         float border = k->level == c->level ? c->zone + slack : c->zone - slack;
         bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
@@ -313,11 +371,50 @@ static bool touches(const palp_contact *c, uint32_t tool) {
     return false;
 }
 
+/* Whether the tool at p is near enough to a body to look for its nearest node; p in its frame. */
+static bool may_touch(const palp_contact *c, uint32_t body, uint32_t tool, palp_vec3 p) {
+    if (c->assembly == NULL) return !touches(c, tool);
+    const palp_meta *m = palp_contact_blob(c, body)->meta;
+    const float at[3] = {p.x, p.y, p.z};
+    float reach = 2.0f * c->size_m[tool] + 0.25f * palp_norm(palp_sub(palp_vec3_at(m->box_max_m),
+                                                                      palp_vec3_at(m->box_min_m)));
+    for (uint32_t k = 0; k < 3; k++) {
+        if (at[k] < m->box_min_m[k] - reach || at[k] > m->box_max_m[k] + reach) return false;
+    }
+    return true;
+}
+
+/* The nearest nodes of the bodies near a tool. */
+static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
+    palp_vec3 probe = palp_tool_probe(&c->tools[t], p->center[t], c->probe);
+    for (uint32_t k = 0; k < c->bodies; k++) {
+        const palp_blob *b = palp_contact_blob(c, k);
+        palp_vec3 at = c->assembly != NULL ? palp_carry_back(&c->assembly->world[k], probe) : probe;
+        if (!may_touch(c, k, t, at)) continue;
+        uint32_t *nearest = &c->nearest[k][t];
+        *nearest = palp_contact_nearest(c, k, at, *nearest);
+        if (palp_node_is_fixed(b, *nearest)) continue;
+        uint32_t slot = ancestor(c, k, palp_node_slot(b, *nearest));
+        if (slot < b->level[level_in(c, k)].nodes) propose(c, p, (palp_fresh){slot, t, k, 0, 0});
+    }
+}
+
+/* The next slots in turn. */
+static void propose_scan(palp_contact *c, proposals *p) {
+    uint32_t body = 0, nodes = c->blob->level[c->level].nodes;
+    if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
+    for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
+        c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
+        while (body > 0u && c->scan < c->first_slot[body]) body--;
+        while (body + 1u < c->bodies && c->scan >= c->first_slot[body + 1u]) body++;
+        uint32_t tool = (c->scan + c->probe) % c->tool_count;
+        propose(c, p, (palp_fresh){c->scan - c->first_slot[body], tool, body, 0, 0});
+    }
+}
+
 uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
     palp_contact *c = contact;
-    const uint32_t tools = c->tool_count;
-    if (tools == 0u) return 0; /* init refuses that */
-    const palp_blob *b = c->blob;
+    if (c->tool_count == 0u) return 0; /* init refuses that */
     proposals p = {.center = center, .fresh = fresh};
     c->flags = 0;
     c->pivots = 0;
@@ -325,21 +422,13 @@ uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, pal
     drop_idle(c, center);
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->about[t] = center[t];
-        if (touches(c, t)) continue;
-        palp_vec3 probe = palp_tool_probe(&c->tools[t], center[t], c->probe);
-        c->nearest[t] = find_nearest(c, probe, c->nearest[t]);
-        if (palp_node_is_fixed(b, c->nearest[t])) continue;
-        uint32_t slot = ancestor(c, palp_node_slot(b, c->nearest[t]));
-        if (slot < b->level[c->level].nodes) propose(c, &p, slot, t);
+        propose_nearest(c, &p, t);
     }
     c->probe++;
     for (uint32_t i = 0; i < c->count; i++) propose_neighbours(c, &p, &c->candidate[i]);
-    uint32_t nodes = b->level[c->level].nodes;
-    for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
-        c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
-        propose(c, &p, c->scan, (c->scan + c->probe) % tools);
-    }
-    return p.found;
+    propose_scan(c, &p);
+    if (c->assembly == NULL) return p.found;
+    return p.found + palp_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
 }
 
 /* ---- compliances ---- */
@@ -395,9 +484,7 @@ static void cache_pair(palp_contact *c, uint32_t i, uint32_t j) {
     float block[9];
     block_between(c, i, j, block);
     palp_vec3 n = c->candidate[j].n;
-    palp_vec3 u = {palp_dot(palp_vec3_at(block), n), palp_dot(palp_vec3_at(block + 3), n),
-                   palp_dot(palp_vec3_at(block + 6), n)};
-    float g = palp_dot(c->candidate[i].n, u);
+    float g = palp_dot(c->candidate[i].n, palp_rotate(block, n));
     if (i == j) g += c->blob->softening[c->candidate[i].node];
     c->compliance[i * stride + j] = g;
     c->compliance[j * stride + i] = g;
@@ -409,12 +496,9 @@ static void cache_pair(palp_contact *c, uint32_t i, uint32_t j) {
 }
 
 /* Drops the idle candidate farthest from its tool, if the new one is nearer. */
-static bool make_room(palp_contact *c, palp_fresh fresh) {
-    uint32_t node = c->blob->domain[PALP_FREE].node[fresh.slot], farthest = c->count;
-    float depth = palp_tool_at(&c->tools[fresh.tool], c->about[fresh.tool], position(c, node),
-                               normal(c, node))
-                      .depth_m;
-    float least = depth;
+static bool make_room(palp_contact *c, float depth_m) {
+    uint32_t farthest = c->count;
+    float least = depth_m;
     for (uint32_t k = 0; k < c->count; k++) {
         if (c->candidate[k].at.depth_m >= least || palp_contact_is_active(c, k)) continue;
         least = c->candidate[k].at.depth_m;
@@ -425,35 +509,61 @@ static bool make_room(palp_contact *c, palp_fresh fresh) {
         drop(c, farthest);
         return true;
     }
-    if (depth > 0.0f) c->flags |= PALP_CONTACT_CANDIDATES_FULL;
+    if (depth_m > 0.0f) c->flags |= PALP_CONTACT_CANDIDATES_FULL;
     return false;
+}
+
+/* The row of W^-1 for a place on a body; true where a table makes it needless. */
+static bool make_row(palp_contact *c, uint32_t body, uint32_t slot, palp_row *row) {
+    const palp_blob *b = palp_contact_blob(c, body);
+    uint32_t level = level_in(c, body);
+    return b->level[level].table != NULL ||
+           palp_basis_row(b, (palp_basis){level, slot}, &c->scratch, row, b->meta->max_row);
+}
+
+/* What a candidate for this place would be. */
+static palp_candidate describe(const palp_contact *c, palp_fresh fresh, uint32_t level) {
+    const palp_blob *b = palp_contact_blob(c, fresh.body);
+    uint32_t node = b->domain[PALP_FREE].node[fresh.slot];
+    palp_candidate k = {.node = node,
+                        .slot = fresh.slot,
+                        .level = level,
+                        .tool = fresh.tool,
+                        .body = fresh.body,
+                        .d = palp_vec3_at(b->normal + 3u * (size_t)node),
+                        .x = palp_contact_place(c, fresh.body, node),
+                        .n = palp_contact_normal(c, fresh.body, node)};
+    if (fresh.tool == PALP_ZONE_TOOL) {
+        k.facing = (palp_spot){.body = fresh.facing_body, .node = fresh.facing_node};
+        palp_contact_aim(c, &k);
+    }
+    k.at = palp_contact_see(c, &k, c->about);
+    return k;
 }
 
 void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
     palp_contact *c = contact;
-    uint32_t i = c->count, node = c->blob->domain[PALP_FREE].node[fresh.slot];
-    uint32_t level = palp_contact_level_of(c, fresh.slot, fresh.tool);
-    if (c->place[fresh.slot] != 0u || level == PALP_MAX_LEVELS) return;
-    if (i == c->limits.max_candidates && !make_room(c, fresh)) return;
-    i = c->count;
+    uint32_t level = c->assembly != NULL ? level_in(c, fresh.body)
+                                         : palp_contact_level_of(c, fresh.slot, fresh.tool);
+    uint16_t *place = &c->place[c->first_slot[fresh.body] + fresh.slot];
+    size_t stride = c->limits.max_candidates;
+    if (*place != 0u || level == PALP_MAX_LEVELS) return;
+    palp_candidate made = describe(c, fresh, level);
+    if (c->count == c->limits.max_candidates && !make_room(c, made.at.depth_m)) return;
+    uint32_t i = c->count;
     palp_candidate *k = &c->candidate[i];
-    *k = (palp_candidate){.node = node,
-                          .slot = fresh.slot,
-                          .level = level,
-                          .tool = fresh.tool,
-                          .x = position(c, node),
-                          .n = normal(c, node)};
-    bool fits = c->blob->level[c->level].table != NULL ||
-                palp_basis_row(c->blob, (palp_basis){c->level, fresh.slot}, &c->scratch, &c->row[i],
-                               c->blob->meta->max_row);
+    *k = made;
+    bool fits = make_row(c, k->body, k->slot, &c->row[i]) &&
+                (k->tool != PALP_ZONE_TOOL ||
+                 make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
     if (!fits) { /* a blob that understates max_row */
         c->flags |= PALP_CONTACT_CANDIDATES_FULL;
         return;
     }
-    c->place[fresh.slot] = (uint16_t)(i + 1u);
+    *place = (uint16_t)(i + 1u);
     c->count++;
-    for (uint32_t j = 0; j <= i; j++) cache_pair(c, i, j);
-    k->at = palp_tool_at(&c->tools[k->tool], c->about[k->tool], k->x, k->n);
+    if (c->assembly != NULL) palp_contact_join(c, i);
+    for (uint32_t j = 0; j <= i && c->assembly == NULL; j++) cache_pair(c, i, j);
     k->relief_m = palp_max(k->at.depth_m - palp_contact_indentation(c, i), 0.0f);
     k->target_m = k->at.depth_m - k->relief_m;
 }

@@ -177,8 +177,9 @@ static bool step_or_let_out(palp_contact *c) {
 
 /* The idle candidate that its tool violates most, or `count` if none is violated. */
 static uint32_t most_violated(palp_contact *c) {
-    palp_vec3 moved[PALP_MAX_TOOLS] = {{0}};
-    float worst[PALP_MAX_TOOLS], most = 0.0f;
+    palp_vec3 moved[PALP_MAX_TOOLS + 1u] = {{0}};
+    float worst[PALP_MAX_TOOLS + 1u], most = 0.0f;
+    worst[PALP_ZONE_TOOL] = PENETRATION_MIN * c->size_m[PALP_ZONE_TOOL];
     uint32_t best = c->count;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         worst[t] = PENETRATION_MIN * c->size_m[t];
@@ -220,8 +221,8 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *about, const pal
     }
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
-        palp_vec3 off = palp_sub(grip[k->tool].held_m, about[k->tool]);
-        k->at = palp_tool_at(&c->tools[k->tool], about[k->tool], k->x, k->n);
+        palp_vec3 off = palp_sub(c->grip[k->tool].held_m, c->about[k->tool]);
+        k->at = palp_contact_see(c, k, c->about);
         k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off);
     }
     c->work_done += 60u * (uint64_t)c->count;

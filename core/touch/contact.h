@@ -22,6 +22,12 @@
  * tick's set. Steps are separate calls, so that the caller can look at the clock in between and
  * stop with the best forces so far.
  *
+ * On a multizone model each zone is a body of its own, on its constraint level, and the compliance
+ * has the seams' response on top (zone/assembly.h): candidates are moved along and compliances
+ * renewed by palp_contact_follow whenever the posture has changed. Zones also touch each other: a
+ * candidate of PALP_ZONE_TOOL is a node of one zone before a node of another, pushed apart along
+ * their mean normal.
+ *
  * A candidate that is found already under a tool (it came late, belongs to the far side of a thin
  * part, found no room, or takes over from another level) is relieved of that depth: it feels only
  * what the tool adds, and the relief shrinks as the tool backs out. So nothing that the search, a
@@ -33,6 +39,7 @@
 #include "core/base/arena.h"
 #include "core/green/hierarchy.h"
 #include "core/touch/tool.h"
+#include "core/zone/assembly.h"
 
 typedef struct {
     uint32_t max_candidates; /* near the tools, at most PALP_MAX_CANDIDATES */
@@ -53,14 +60,26 @@ typedef struct {
 #define PALP_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
 #define PALP_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
 
+#define PALP_ZONE_TOOL PALP_MAX_TOOLS /* stands for the other zones */
+#define PALP_CONTACT_PAIR_SCAN 16u    /* nodes that are compared with other zones by each search */
+
 /* Something that search found: a slot of the contact's level, and the tool near it. */
 typedef struct {
-    uint32_t slot, tool;
+    uint32_t slot, tool, body;
+    uint32_t facing_body, facing_node; /* of PALP_ZONE_TOOL */
 } palp_fresh;
 
+/* A place on a body, and the direction in its frame along which it is felt and gives way. */
 typedef struct {
-    uint32_t node, slot, level, tool;
-    palp_vec3 x, n;   /* where it is without contact, and its normal */
+    uint32_t body, node, slot;
+    palp_vec3 d;
+} palp_spot;
+
+typedef struct {
+    uint32_t node, slot, level, tool, body;
+    palp_spot facing; /* of PALP_ZONE_TOOL: what it would touch */
+    palp_vec3 d;      /* its normal in the frame of its body */
+    palp_vec3 x, n;   /* where it is without contact, and its normal; world */
     palp_touch at;    /* the tool as it sees it now */
     float relief_m;   /* depth that it does not feel; below 0: depth that it feels beyond its own */
     float target_m;   /* indentation that it asks for with no force on the tool */
@@ -78,11 +97,13 @@ typedef struct {
 } palp_grip;
 
 typedef struct {
-    const palp_blob *blob;
-    const float *position_m; /* [nodes][3] surface without contact */
+    const palp_blob *blob;   /* the only body, or zone 0 */
+    palp_assembly *assembly; /* NULL: one body at rest */
+    const float *position_m; /* [nodes][3] surface without contact, of the only body */
     const palp_tool *tools;
-    float size_m[PALP_MAX_TOOLS]; /* palp_tool_size of each */
-    uint32_t tool_count, level;
+    float size_m[PALP_MAX_TOOLS + 1u]; /* palp_tool_size of each; mean edge for PALP_ZONE_TOOL */
+    uint32_t tool_count, bodies, level;
+    uint32_t first_slot[PALP_MAX_ZONES + 1u]; /* of each body in `place` */
     uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
     float zone;     /* in units of palp_touch.reach */
     palp_contact_limits limits;
@@ -90,20 +111,25 @@ typedef struct {
     palp_row *row;             /* [max_candidates], unless the level has a table */
     float *compliance;         /* [max_candidates][max_candidates] g */
     float *block;              /* the same, 3x3, with limits.friction */
-    float *factor;             /* [max_active][max_active] R, C = R^T R */
-    uint32_t *active;          /* [max_active] candidate of each row of R */
-    float *target, *work;      /* [max_active + 1] */
-    float *jacobian;           /* [3 PALP_MAX_TOOLS][max_active] R^-T J */
-    uint16_t *place;           /* [free slots] candidate number + 1, 0 if none */
+    float *local;              /* with an assembly: g without the seams' part */
+    float *seam_row;           /* [max_candidates][seam_width] y of each candidate */
+    uint64_t *touched;         /* [max_candidates] its seams */
+    uint32_t seam_width, pair_scan, renewed;
+    bool pairs;           /* zones touch each other */
+    float *factor;        /* [max_active][max_active] R, C = R^T R */
+    uint32_t *active;     /* [max_active] candidate of each row of R */
+    float *target, *work; /* [max_active + 1] */
+    float *jacobian;      /* [3 PALP_MAX_TOOLS][max_active] R^-T J */
+    uint16_t *place;      /* [free slots] candidate number + 1, 0 if none */
     palp_row_scratch scratch;
     uint32_t count, active_count, solves, changes, scan, probe;
-    uint32_t nearest[PALP_MAX_TOOLS]; /* node */
-    uint32_t flags;                   /* of the last tick */
-    uint32_t pivots;                  /* of the last tick */
-    uint32_t pivots_now;              /* of the solve under way */
-    palp_grip grip[PALP_MAX_TOOLS];   /* of the last solve */
-    palp_vec3 about[PALP_MAX_TOOLS];  /* of the last search or solve */
-    uint64_t work_done;               /* multiply-adds and look-ups so far, counted */
+    uint32_t nearest[PALP_MAX_ZONES][PALP_MAX_TOOLS]; /* node of each body */
+    uint32_t flags;                                   /* of the last tick */
+    uint32_t pivots;                                  /* of the last tick */
+    uint32_t pivots_now;                              /* of the solve under way */
+    palp_grip grip[PALP_MAX_TOOLS + 1u];              /* of the last solve */
+    palp_vec3 about[PALP_MAX_TOOLS + 1u];             /* of the last search or solve */
+    uint64_t work_done; /* multiply-adds and look-ups so far, counted */
 } palp_contact;
 
 /* Each limit at least 1, max_candidates at most PALP_MAX_CANDIDATES, the others at most
@@ -120,6 +146,26 @@ size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
                               const palp_tool *tools, uint32_t tool_count,
                               palp_contact_limits limits, void *memory, size_t bytes);
+
+/*
+ * The same on a multizone model, held by reference, with PALP_ZONE_TOOL contact if `pairs`.
+ * Friction needs compliances along three directions and is not offered: ARGUMENT.
+ */
+size_t palp_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                  palp_contact_limits limits);
+palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
+                                    const palp_tool *tools, uint32_t tool_count,
+                                    palp_contact_limits limits, void *memory, size_t bytes);
+
+/*
+ * Moves all candidates along with the posture and renews their compliances by the seams' factor in
+ * use. Cost: candidates (18 M + modes^2) and candidates^2 modes, M of a zone and modes of the seams
+ * on a zone's way to the last one.
+ */
+void palp_contact_follow(palp_contact *contact);
+
+/* Tells the assembly the present contact forces (palp_assembly_load). */
+void palp_contact_load(const palp_contact *contact, palp_assembly *assembly);
 
 /* Forgets all contacts; further ones are sought on `level` if it has a table, else on the blob's
  * constraint level. */
@@ -174,6 +220,21 @@ float palp_contact_energy(const palp_contact *contact);
 float palp_contact_normal_force(const palp_contact *contact, uint32_t tool, palp_vec3 *axis);
 
 /* For the files of this folder. */
+palp_touch palp_contact_see(const palp_contact *contact, const palp_candidate *candidate,
+                            const palp_vec3 *center);
+const palp_blob *palp_contact_blob(const palp_contact *contact, uint32_t body);
+uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_vec3 rest_m,
+                              uint32_t nearest);
+void palp_contact_aim(const palp_contact *contact, palp_candidate *candidate);
+void palp_contact_join(palp_contact *contact, uint32_t candidate);
+void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t longest,
+                          uint32_t most_slots);
+palp_status palp_contact_begin_use(palp_contact *contact, const palp_tool *tools,
+                                   uint32_t tool_count);
+void palp_contact_clean(palp_contact *contact, uint32_t most_slots);
+uint32_t palp_contact_search_pairs(palp_contact *contact, palp_fresh *fresh, uint32_t room);
+palp_vec3 palp_contact_place(const palp_contact *contact, uint32_t body, uint32_t node);
+palp_vec3 palp_contact_normal(const palp_contact *contact, uint32_t body, uint32_t node);
 float palp_contact_indentation(const palp_contact *contact, uint32_t candidate);
 bool palp_contact_is_active(const palp_contact *contact, uint32_t candidate);
 bool palp_contact_let_in(palp_contact *contact, uint32_t candidate);

@@ -190,7 +190,7 @@ static float hand_over(palp_contact *to, uint32_t tool, palp_row_scratch *s, boo
     uint32_t slots = to->blob->level[to->level].nodes;
     float carried = 0.0f;
     for (uint32_t i = palp_row_next(s, 0, slots); i < slots; i = palp_row_next(s, i + 1u, slots)) {
-        if (admit) palp_contact_admit(to, (palp_fresh){i, tool});
+        if (admit) palp_contact_admit(to, (palp_fresh){.slot = i, .tool = tool});
         uint32_t place = to->place[i];
         if (place > 0u && to->candidate[place - 1u].tool == tool && s->weight[i] > 0.0f) {
             to->candidate[place - 1u].force_N += s->weight[i];
@@ -266,7 +266,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
         palp_vec3 axis;
         to->about[t] = tool_m[t];
         to->grip[t] = from->grip[t];
-        to->nearest[t] = from->nearest[t];
+        to->nearest[0][t] = from->nearest[0][t];
         total += palp_contact_normal_force(from, t, &axis);
         move_forces(from, to, t, &to->scratch);
         carried += hand_over(to, t, &to->scratch, down);
@@ -311,7 +311,7 @@ static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
         for (uint32_t i = palp_row_next(&to->scratch, 0, slots); i < slots;
              i = palp_row_next(&to->scratch, i + 1u, slots)) {
             bool wanted = to->place[i] == 0u && found < to->limits.max_new;
-            if (wanted) fresh[found++] = (palp_fresh){i, t};
+            if (wanted) fresh[found++] = (palp_fresh){.slot = i, .tool = t};
             unmark(&to->scratch, i);
         }
     }

@@ -85,7 +85,7 @@ static void press(palp_point *p, palp_contact *c, palp_vec3 at) {
 palp_vec3 palp_point_center(const palp_point *point, const palp_contact *contact, palp_vec3 at) {
     palp_vec3 n = point->lambda_N > 0.0f
                       ? point->axis
-                      : palp_vec3_at(contact->blob->normal + 3u * contact->nearest[0]);
+                      : palp_vec3_at(contact->blob->normal + 3u * contact->nearest[0][0]);
     return palp_madd(at, ABOVE * contact->tools[0].ball[0].radius_m, n);
 }
 

@@ -134,7 +134,7 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
     double *h = allocate(order * order, sizeof *h), *g = allocate(order * order, sizeof *g);
     double *p = allocate(order, sizeof *p), *u = allocate(order, sizeof *u),
            *exact = allocate(order, sizeof *exact);
-    bem_material material = {young, poisson, BEM_TOLERANCE};
+    bem_material material = {.young_Pa = young, .poisson = poisson, .tolerance = BEM_TOLERANCE};
     bem_assemble(&m, &material, h, order, g, order, NULL);
     /* Unit pressure: u = -(1 - 2 nu) R / E along the radius. */
     for (size_t i = 0; i < order; i++) {

@@ -126,7 +126,7 @@ static void test_short_rows(void) {
     palp_tool tool = palp_tool_sphere(0.2f);
     (void)palp_contact_init(&c, &b, b.rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
                             allocate_aligned(bytes, 1), bytes);
-    palp_contact_admit(&c, (palp_fresh){0, 0});
+    palp_contact_admit(&c, (palp_fresh){.slot = 0});
     CHECK(c.count == 0 && (c.flags & PALP_CONTACT_CANDIDATES_FULL) != 0,
           "and contact leaves the node out, flagged");
     free(copy);

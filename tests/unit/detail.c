@@ -34,7 +34,7 @@ int main(void) {
     for (uint32_t i = 0; i < n; i++) fixed[i] = coarse.x[i][2] < -0.7;
     const wavelet w = {WAVELET_LINEAR, true};
     domains d = domains_build(&coarse, fixed, area, w);
-    bem_material material = {1e4, 0.4, BEM_TOLERANCE};
+    bem_material material = {.young_Pa = 1e4, .poisson = 0.4, .tolerance = BEM_TOLERANCE};
     greens g = greens_from_bem(&coarse, fixed, &material, 1000);
     greens_reciprocity(&g, &coarse, true);
     build_options o = {
