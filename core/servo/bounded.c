@@ -20,6 +20,34 @@ size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits) {
     return arena.used;
 }
 
+size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                  palp_contact_limits limits) {
+    palp_arena arena = {0};
+    if (!palp_contact_limits_sound(limits)) return 0;
+    (void)palp_take(&arena, limits.max_new, sizeof(palp_fresh));
+    (void)palp_take(&arena, palp_ladder_memsize_zones(zones, finest, limits), 1);
+    return arena.used;
+}
+
+/* Memory that a configuration needs. */
+static size_t need_of(const palp_bounded_config *c) {
+    if (c->assembly == NULL) return palp_bounded_memsize(c->blob, c->limits);
+    return palp_bounded_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
+}
+
+static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
+    const palp_bounded_config *c = &b->config;
+    if (c->assembly != NULL) {
+        size_t room =
+            palp_ladder_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
+        return palp_ladder_init_zones(&b->ladder, c->assembly, c->pairs, c->tools, c->tool_count,
+                                      c->limits, palp_take(arena, room, 1), room);
+    }
+    size_t room = palp_ladder_memsize(c->blob, c->limits);
+    return palp_ladder_init(&b->ladder, c->blob, c->blob->rest_m, c->tools, c->tool_count,
+                            c->limits, palp_take(arena, room, 1), room);
+}
+
 palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
                               void *memory, size_t bytes, float *bound_ns) {
     palp_bounded b = {
@@ -32,18 +60,19 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
     if (!positive || config->tool_count < 1u || config->tool_count > PALP_MAX_TOOLS)
         return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_bounded_memsize(config->blob, config->limits)) return PALP_ERR_MEMORY;
-    b.bound = palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
+    if (bytes < need_of(config)) return PALP_ERR_MEMORY;
+    b.bound = config->assembly != NULL
+                  ? palp_cost_of_zones(config->assembly->zones, config->limits, config->tools,
+                                       config->tool_count)
+                  : palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
     float ns = config->cost.ns_per_operation, least_ns = palp_cost_least(&b.bound) * ns;
+    if (config->assembly != NULL)
+        least_ns += palp_moving_cost_least(&b, config->limits.max_candidates) * ns;
     b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active) * ns;
     if (bound_ns != NULL) *bound_ns = least_ns;
     if (least_ns > config->cost.margin * NS_PER_S * config->dt_s) return PALP_ERR_BUDGET;
     b.fresh = palp_take(&arena, config->limits.max_new, sizeof *b.fresh);
-    size_t room = palp_ladder_memsize(config->blob, config->limits);
-    void *ladder = palp_take(&arena, room, 1);
-    palp_status status =
-        palp_ladder_init(&b.ladder, config->blob, config->blob->rest_m, config->tools,
-                         config->tool_count, config->limits, ladder, room);
+    palp_status status = open_ladder(&b, &arena);
     if (status == PALP_OK) *bounded = b;
     return status;
 }
@@ -63,7 +92,8 @@ uint64_t palp_bounded_work(const palp_bounded *bounded) {
 /* ---- time ---- */
 
 /* Time left for anything but the end of the tick. */
-static float left_ns(const palp_bounded *b) {
+float palp_bounded_left_ns(const palp_bounded *bounded) {
+    const palp_bounded *b = bounded;
     const palp_port *port = &b->config.port;
     float spent_ns = (float)(port->now_ns(port->context) - b->start_ns);
     return b->config.cost.margin * NS_PER_S * b->config.dt_s - b->tail_ns - spent_ns;
@@ -122,7 +152,7 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
                      time_of(b, palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count,
                                                  c->active_count));
         b->retreat_ns = retreat_ns(b);
-        if (need + b->retreat_ns <= left_ns(b)) break;
+        if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
     }
     if (b->ladder.rung == 0u) b->retreat_ns = 0.0f;
@@ -136,7 +166,7 @@ static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_repor
     for (; i < fresh; i++) {
         float admit =
             time_of(b, palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count));
-        if (admit + answer_ns(b, c, 1u) + b->retreat_ns > left_ns(b)) break;
+        if (admit + answer_ns(b, c, 1u) + b->retreat_ns > palp_bounded_left_ns(b)) break;
         palp_contact_admit(c, b->fresh[i]);
     }
     r->admitted = i;
@@ -153,7 +183,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
         float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count + 1u);
         if (!b->coupling.solving)
             quantum += palp_cost_solve(&b->bound, c->count, c->active_count + 1u);
-        if (quanta > 0u && time_of(b, quantum) + b->retreat_ns > left_ns(b)) break;
+        if (quanta > 0u && time_of(b, quantum) + b->retreat_ns > palp_bounded_left_ns(b)) break;
         more = palp_coupling_step(&b->coupling, c);
         quanta++;
     }
@@ -169,6 +199,12 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     bool settled;
     b->start_ns = start_ns;
     if (b->since_climb < HELD * CLIMB_LATEST) b->since_climb++;
+    if (b->config.assembly != NULL) {
+        palp_contact *c = palp_ladder_contact(&b->ladder);
+        palp_moving_tick(b, answer_ns(b, c, 0u) +
+                                time_of(b, palp_cost_search(&b->bound, b->ladder.at[0], c->count,
+                                                            c->active_count)));
+    }
     choose_rung(b, &r);
     palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
     take_in(b, around, &r);
@@ -211,6 +247,7 @@ void palp_bounded_spare(palp_bounded *bounded) {
     palp_bounded *b = bounded;
     palp_ladder *l = &b->ladder;
     palp_vec3 tool_m[PALP_MAX_TOOLS];
+    if (b->config.assembly != NULL) palp_moving_spare(b);
     if (l->rung + 1u >= l->rungs) return;
     if (palp_ladder_contact(l)->active_count == 0u) {
         palp_ladder_clear(l);
@@ -226,10 +263,12 @@ void palp_bounded_spare(palp_bounded *bounded) {
     uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
     palp_contact *next = palp_ladder_other(l);
     for (uint32_t i = 0; i < missing; i++) {
-        if (time_of(b, palp_cost_admit(&b->bound, finer, next->count)) > left_ns(b)) return;
+        if (time_of(b, palp_cost_admit(&b->bound, finer, next->count)) > palp_bounded_left_ns(b))
+            return;
         palp_contact_admit(next, b->fresh[i]);
     }
-    if (missing > 0u || time_of(b, palp_cost_change(&b->bound, finer, next->count)) > left_ns(b))
+    if (missing > 0u ||
+        time_of(b, palp_cost_change(&b->bound, finer, next->count)) > palp_bounded_left_ns(b))
         return;
     if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
 }

@@ -19,7 +19,9 @@
 
 typedef struct {
     const palp_blob *blob;
-    const palp_tool *tools; /* kept by reference */
+    palp_assembly *assembly; /* instead of blob: a multizone model, held by reference */
+    bool pairs;              /* its zones touch each other */
+    const palp_tool *tools;  /* kept by reference */
     uint32_t tool_count;
     palp_contact_limits limits;
     palp_cost_table cost;
@@ -27,9 +29,19 @@ typedef struct {
     float dt_s;
 } palp_bounded_config;
 
+/* How the seams of a multizone model were kept up with its posture (moving.c). */
+typedef struct {
+    uint32_t level;   /* of the seams in this answer; PALP_DIAGONAL: the approximation */
+    uint32_t aborted; /* levels begun or looked at and given up */
+    bool renewed;     /* the factor was made anew */
+    float drift;      /* of the posture off that of the factor before */
+} palp_moving_report;
+
 typedef struct {
     palp_bounded_config config;
     palp_cost_bound bound;
+    palp_moving_report moving; /* of the last tick */
+    bool finer;                /* a finer factor is under way in spare time */
     palp_ladder ladder;
     palp_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
     palp_fresh *fresh;         /* [max_new] */
@@ -49,6 +61,8 @@ typedef struct {
 } palp_bounded_report;
 
 size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits);
+size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                  palp_contact_limits limits);
 
 /*
  * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer of the coarsest
@@ -59,6 +73,23 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
 
 /* Lets everything go. */
 void palp_bounded_reset(palp_bounded *bounded);
+
+/*
+ * Takes joint values and the place of zone 0 of a multizone model, for the next tick. That tick
+ * makes the seams' factor anew when the posture has drifted, on the finest level that leaves time
+ * for the contact, giving a level up when the clock says so; below the coarsest is the block
+ * diagonal approximation. While nothing is near a tool a factor of a posture near by serves for
+ * iterations instead. Spare time makes finer factors while the posture rests.
+ */
+#define PALP_REUSE_NEAR 0.01f /* drift up to which a factor serves contact */
+#define PALP_REUSE_FAR 0.3f   /* and up to which it serves as a preconditioner */
+void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_frame *root);
+
+/* Of moving.c, for bounded.c. */
+void palp_moving_tick(palp_bounded *bounded, float rest_ns);
+void palp_moving_spare(palp_bounded *bounded);
+float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count);
+float palp_bounded_left_ns(const palp_bounded *bounded);
 
 /* A tick that began at start_ns on the port's clock, devices at device_m[tool_count]. */
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,

@@ -57,6 +57,38 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     return b;
 }
 
+palp_cost_bound palp_cost_of_zones(const palp_zones *zones, palp_contact_limits limits,
+                                   const palp_tool *tools, uint32_t tool_count) {
+    palp_cost_bound all = palp_cost_of(&zones->blob[0], limits, tools, tool_count);
+    float grid = 0.0f;
+    all.tables = 0;
+    for (uint32_t i = 0; i < zones->meta->zones; i++) {
+        palp_cost_bound b = palp_cost_of(&zones->blob[i], limits, tools, tool_count);
+        all.ring = palp_max(all.ring, b.ring);
+        all.row = palp_max(all.row, b.row);
+        all.extraction = palp_max(all.extraction, b.extraction);
+        all.modes = palp_max(all.modes, (float)zones->zone[i].modes);
+        grid += b.grid - (float)PALP_CONTACT_SCAN * b.near;
+    }
+    all.bodies = (float)zones->meta->zones;
+    float place = 9.0f * all.modes + 40.0f; /* where a node is, its zone's seams displaced */
+    all.tool += place;
+    all.near += place;
+    all.grid = grid + (float)PALP_CONTACT_SCAN * all.near +
+               (float)(PALP_CONTACT_PAIR_SCAN + 8u) * (all.bodies * (place + 60.0f) + grid);
+    all.least_candidates = all.limit_candidates;
+    all.least_active = all.limit_active;
+    return all;
+}
+
+float palp_cost_follow(const palp_cost_bound *bound, palp_contact_limits limits, uint32_t count,
+                       float unknowns, float solve) {
+    float n = (float)count;
+    return n * (30.0f * bound->modes + 0.5f * solve + unknowns + 60.0f) +
+           0.5f * n * n * (unknowns + 8.0f) +
+           4.0f * (float)limits.max_new * n * (LOOKUP + bound->extraction);
+}
+
 float palp_cost_search(const palp_cost_bound *bound, palp_rung rung, uint32_t count,
                        uint32_t active) {
     float k = (float)count, times = rung.outer < rung.level ? 5.0f : 1.0f;
@@ -76,7 +108,8 @@ static float look_ups(const palp_cost_bound *b, palp_rung rung) {
 
 float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t count) {
     float pairs = (float)count + 1.0f;
-    float room = 4.0f * bound->tool + pairs * (bound->limit_active + bound->pair + 2.0f);
+    float room = 4.0f * bound->tool + pairs * (bound->limit_active + bound->pair + 2.0f) +
+                 bound->seam_row + pairs * bound->unknowns;
     if ((bound->tables >> rung.level & 1u) != 0u)
         return room + pairs * LOOKUP * look_ups(bound, rung);
     return room + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;

@@ -34,12 +34,27 @@ typedef struct {
     float extraction; /* one block of G from a compressed column */
     float columns;    /* of the springs: 3 per tool */
     uint32_t tables;  /* bit per level that has one */
+    float modes;      /* of the zone that has most; 0: one body */
+    float bodies;
+    float seam_row, unknowns; /* of the seams' level in use: one candidate's row, its length */
     float ring, limit_active, limit_candidates;
     float least_active, least_candidates; /* most that the coarsest rung can have of either */
 } palp_cost_bound;
 
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count);
+
+/* The same of a multizone model: the worst of its zones in each count. */
+palp_cost_bound palp_cost_of_zones(const palp_zones *zones, palp_contact_limits limits,
+                                   const palp_tool *tools, uint32_t tool_count);
+
+/*
+ * Moving `count` candidates along on a level of the seams with `unknowns` (palp_seams_cost_solve
+ * being `solve`): count (30 modes + solve / 2 + unknowns + 60) + count^2 (unknowns + 8) / 2, and
+ * max_new count look-ups for zones that touch each other.
+ */
+float palp_cost_follow(const palp_cost_bound *bound, palp_contact_limits limits, uint32_t count,
+                       float unknowns, float solve);
 
 /* The search from `count` candidates: grid + count (tool + 5 active + ring near + pair count); of a
  * mixed set near counts five times. */

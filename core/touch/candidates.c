@@ -115,7 +115,7 @@ void palp_contact_clear(palp_contact *contact, uint32_t level) {
         contact->place[contact->first_slot[k->body] + k->slot] = 0;
     }
     contact->count = contact->active_count = contact->changes = contact->flags = 0;
-    bool table = contact->blob->level[level].table != NULL;
+    bool table = contact->assembly == NULL && contact->blob->level[level].table != NULL;
     contact->level = table ? level : contact->blob->meta->constraint_level;
     contact->outer = contact->level;
 }

@@ -42,12 +42,28 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
     return PALP_OK;
 }
 
+size_t palp_ladder_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                 palp_contact_limits limits) {
+    return palp_contact_memsize_zones(zones, finest, limits);
+}
+
+palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
+                                   const palp_tool *tools, uint32_t tool_count,
+                                   palp_contact_limits limits, void *memory, size_t bytes) {
+    uint32_t level = assembly->zones->blob[0].meta->constraint_level;
+    palp_ladder l = {.rungs = 1, .at = {{level, level}}};
+    palp_status status = palp_contact_init_zones(&l.contact[0], assembly, pairs, tools, tool_count,
+                                                 limits, memory, bytes);
+    if (status == PALP_OK) *ladder = l;
+    return status;
+}
+
 void palp_ladder_clear(palp_ladder *ladder) {
     ladder->rung = ladder->rungs - 1u;
     ladder->preparing = false;
     ladder->waited = 0;
     ladder->tank_J = 0.0f;
-    for (uint32_t k = 0; k < 2; k++)
+    for (uint32_t k = 0; k < (ladder->rungs > 1u ? 2u : 1u); k++)
         palp_contact_clear(&ladder->contact[k], ladder->at[ladder->rung].level);
 }
 

@@ -34,8 +34,8 @@ typedef struct {
 } palp_rung;
 
 typedef struct {
-    palp_contact contact[2];
-    uint32_t now;                       /* which of them is felt */
+    palp_contact contact[2]; /* on a multizone model, which has one rung, the first alone */
+    uint32_t now;            /* which of them is felt */
     palp_rung at[2u * PALP_MAX_LEVELS]; /* coarse to fine */
     uint32_t rungs, rung;
     bool preparing;            /* the other one is being made ready for rung + 1 */
@@ -50,6 +50,13 @@ size_t palp_ladder_memsize(const palp_blob *blob, palp_contact_limits limits);
 palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const float *position_m,
                              const palp_tool *tools, uint32_t tool_count,
                              palp_contact_limits limits, void *memory, size_t bytes);
+
+/* The same on a multizone model, as palp_contact_init_zones. */
+size_t palp_ladder_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                 palp_contact_limits limits);
+palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
+                                   const palp_tool *tools, uint32_t tool_count,
+                                   palp_contact_limits limits, void *memory, size_t bytes);
 
 /* Forgets all contacts and the tank, and goes back to the finest rung. */
 void palp_ladder_clear(palp_ladder *ladder);

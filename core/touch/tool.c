@@ -28,9 +28,20 @@ static bool pad_is_sound(const palp_pad *p) {
     return sound;
 }
 
+static bool is_cylinder(const palp_tool *tool) {
+    return tool->balls == 0u && (tool->cylinder.radius_m > 0.0f || tool->cylinder.radius_m < 0.0f);
+}
+
+static bool cylinder_is_sound(const palp_cylinder *y) {
+    float length = palp_norm(y->axis);
+    return y->radius_m > 0.0f && y->half_m > 0.0f && y->rim_m > 0.0f &&
+           palp_is_finite(y->radius_m + y->half_m + y->rim_m) && palp_abs(length - 1.0f) < 1e-3f;
+}
+
 bool palp_tool_is_sound(const palp_tool *tool) {
     if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
     if (tool->balls > PALP_TOOL_BALLS) return false;
+    if (is_cylinder(tool)) return cylinder_is_sound(&tool->cylinder);
     if (tool->balls == 0u) return pad_is_sound(&tool->pad);
     for (uint32_t i = 0; i < tool->balls; i++) {
         const palp_ball *b = &tool->ball[i];
@@ -41,6 +52,7 @@ bool palp_tool_is_sound(const palp_tool *tool) {
 }
 
 float palp_tool_size(const palp_tool *tool) {
+    if (is_cylinder(tool)) return palp_min(tool->cylinder.radius_m, 4.0f * tool->cylinder.rim_m);
     if (tool->balls == 0u) return tool->pad.edge_m;
     float least = tool->ball[0].radius_m;
     for (uint32_t i = 1; i < tool->balls; i++) least = palp_min(least, tool->ball[i].radius_m);
@@ -150,7 +162,36 @@ static palp_touch pad_at(const palp_pad *p, palp_vec3 c, palp_vec3 x, palp_vec3 
                         .push = palp_scale(over_cosine, push)};
 }
 
+/* In the plane across the axis, where the node's normal has the length `lean`; the rims take away
+ * from it beyond the ends. */
+static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
+    palp_vec3 r = palp_sub(x, c);
+    float z = palp_dot(r, y->axis), slope_over_t, rim_over_t;
+    palp_vec3 across = palp_madd(r, -z, y->axis);
+    palp_vec3 flat = palp_madd(n, -palp_dot(n, y->axis), y->axis);
+    float lean = palp_max(palp_norm(flat), LEAST_FACING);
+    palp_vec3 m = palp_scale(1.0f / lean, flat);
+    float along = palp_dot(across, m);
+    palp_vec3 aside = palp_madd(across, -along, m);
+    float t = palp_norm(aside), distance = palp_norm(across);
+    float psi = profile(y->radius_m, t, &slope_over_t);
+    float over = palp_abs(z) - y->half_m, depth = along + psi;
+    palp_vec3 push = palp_madd(m, -slope_over_t, aside);
+    push =
+        palp_madd(push, slope_over_t * palp_dot(aside, m), m); /* 0 unless the node looks along */
+    if (over > 0.0f) {
+        depth += profile(y->rim_m, over, &rim_over_t) - y->rim_m;
+        push = palp_madd(push, -rim_over_t * over * (z > 0.0f ? 1.0f : -1.0f), y->axis);
+    }
+    float reach = palp_max(t / y->radius_m, over / y->rim_m) / PALP_TOOL_REACH;
+    return (palp_touch){.depth_m = depth / lean,
+                        .reach = reach,
+                        .facing = distance > 0.0f ? -along / distance : 0.0f,
+                        .push = palp_scale(1.0f / lean, push)};
+}
+
 palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
+    if (is_cylinder(tool)) return cylinder_at(&tool->cylinder, c, x, n);
     if (tool->balls == 0u) return pad_at(&tool->pad, c, x, n);
     palp_touch touch = ball_at(&tool->ball[0], c, x, n);
     for (uint32_t i = 1; i < tool->balls; i++) {
@@ -161,6 +202,10 @@ palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_ve
 }
 
 palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k) {
+    if (is_cylinder(tool)) { /* five points along the axis */
+        float along = 0.5f * ((float)(k % 5u) - 2.0f) * tool->cylinder.half_m;
+        return palp_madd(c, along, tool->cylinder.axis);
+    }
     if (tool->balls == 0u) return c;
     return palp_add(c, tool->ball[k % tool->balls].center_m);
 }

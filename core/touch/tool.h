@@ -7,10 +7,10 @@
  * the push is minus its gradient: the force on the tool for a unit normal force at the node. So
  * contact energy is a function of the tool's place alone, and its force the gradient.
  *
- * A tool is a set of up to PALP_TOOL_BALLS spheres, merged smoothly where they meet, or a pad: a
- * rectangle with rounded edges, flat or with a height field, facing along its third axis. A
- * sphere's depth goes over into a cone beyond PALP_TOOL_BETA of its radius, so that it stays
- * defined for every node.
+ * A tool is a set of up to PALP_TOOL_BALLS spheres, merged smoothly where they meet, a cylinder
+ * with rounded rims, or a pad: a rectangle with rounded edges, flat or with a height field, facing
+ * along its third axis. A sphere's depth goes over into a cone beyond PALP_TOOL_BETA of its radius,
+ * so that it stays defined for every node.
  */
 #ifndef PALP_TOUCH_TOOL_H
 #define PALP_TOUCH_TOOL_H
@@ -36,8 +36,15 @@ typedef struct {
 } palp_pad;
 
 typedef struct {
-    uint32_t balls; /* 0: a pad */
+    palp_vec3 axis; /* unit, through the reference point */
+    float radius_m, half_m;
+    float rim_m; /* radius of the rounded rims, beyond half_m */
+} palp_cylinder;
+
+typedef struct {
+    uint32_t balls; /* 0: a cylinder if its radius is not 0, else a pad */
     palp_ball ball[PALP_TOOL_BALLS];
+    palp_cylinder cylinder;
     palp_pad pad;
     float friction; /* Coulomb's mu; needs limits.friction when above 0 */
 } palp_tool;
@@ -55,11 +62,11 @@ palp_tool palp_tool_sphere(float radius_m);
 /* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10. */
 bool palp_tool_is_sound(const palp_tool *tool);
 
-/* The smallest radius, of balls or edges: the scale of its search margins (m). */
+/* The smallest radius, of balls, cylinder or edges: the scale of its search margins (m). */
 float palp_tool_size(const palp_tool *tool);
 
 /* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,
- * 160 for a pad. */
+ * 120 for a cylinder, 160 for a pad. */
 palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n);
 
 /* A point of the tool at c near which the surface is looked for: centres of balls, or of the face;

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: MIT */
+/* The bounded-time answer, second half: keeping up with a multizone model that moves. */
+#include "bounded.h"
+
+#define FADE_S 0.05f /* in which what a change of the seams' level held back fades */
+
+static float time_of(const palp_bounded *b, float operations) {
+    return operations * b->config.cost.ns_per_operation;
+}
+
+static float unknowns(const palp_seams *q, uint32_t level) {
+    float sum = 0.0f;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++)
+        sum += 3.0f * (float)palp_seam_modes(q, s, level);
+    return sum;
+}
+
+/* What follows a factor on `level` before the contact can be solved. */
+static float cost_after(const palp_bounded *b, uint32_t level, uint32_t count) {
+    const palp_assembly *a = b->config.assembly;
+    float solve = palp_seams_cost_solve(&a->seams, level);
+    return 2.0f * palp_assembly_cost_settle(a, level) + 2.0f * solve +
+           palp_cost_follow(&b->bound, b->config.limits, count, unknowns(&a->seams, level), solve);
+}
+
+static float cost_of(const palp_bounded *b, uint32_t level, uint32_t count) {
+    return palp_seams_cost_factor(&b->config.assembly->seams, level) + cost_after(b, level, count);
+}
+
+float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count) {
+    return cost_of(bounded, PALP_DIAGONAL, count);
+}
+
+void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_frame *root) {
+    if (bounded->config.assembly != NULL) palp_assembly_pose(bounded->config.assembly, value, root);
+}
+
+/* Makes the factor on `level`, looking at the clock before every step; false if that took too long
+ * for `keep_ns` to be left, or it is not sound. */
+static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
+    palp_assembly *a = b->config.assembly;
+    float step_ns = time_of(b, palp_seams_cost_factor(&a->seams, level)) /
+                    (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
+    palp_seams_begin(&a->seams, &a->posture, level);
+    while (palp_seams_step(&a->seams)) {
+        if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
+    }
+    return palp_assembly_take(a);
+}
+
+/* The finest level, `from` or coarser, that is done in time. */
+static void renew(palp_bounded *b, uint32_t from, uint32_t count, float rest_ns) {
+    float least_ns = rest_ns + time_of(b, cost_of(b, PALP_DIAGONAL, count));
+    for (uint32_t k = from + 1u; k-- > 0u;) {
+        float need_ns = time_of(b, cost_of(b, k, count)) + rest_ns;
+        if (need_ns <= palp_bounded_left_ns(b)) {
+            float after_ns = time_of(b, cost_after(b, k, count)) + rest_ns;
+            if (make_factor(b, k, palp_max(after_ns, least_ns))) return;
+        }
+        b->moving.aborted++;
+    }
+    (void)make_factor(b, PALP_DIAGONAL, 0.0f);
+}
+
+static void note_level(palp_bounded *b) {
+    palp_assembly *a = b->config.assembly;
+    b->moving.level = a->level;
+    b->bound.unknowns = unknowns(&a->seams, a->level);
+    b->bound.seam_row = 30.0f * b->bound.modes + 0.5f * palp_seams_cost_solve(&a->seams, a->level) +
+                        b->bound.unknowns;
+}
+
+/* A finer factor from spare time, if the posture is still the one that it was made for. */
+static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
+    palp_assembly *a = b->config.assembly;
+    const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
+    if (!b->finer || f->step < f->steps) return false;
+    b->finer = false;
+    if (time_of(b, cost_after(b, f->level, count)) + rest_ns > palp_bounded_left_ns(b))
+        return false;
+    return palp_assembly_take(a);
+}
+
+void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
+    palp_bounded *b = bounded;
+    palp_assembly *a = b->config.assembly;
+    palp_contact *c = palp_ladder_contact(&b->ladder);
+    float drift = palp_assembly_drift(a);
+    bool near = c->count > 0u;
+    palp_assembly_relax(a, palp_min(b->config.dt_s / FADE_S, 1.0f));
+    palp_contact_load(c, a);
+    b->moving = (palp_moving_report){.drift = drift};
+    bool approximate = a->level == PALP_DIAGONAL;
+    float settle_ns = time_of(b, cost_after(b, a->level, c->count));
+    bool fits = settle_ns + rest_ns <= palp_bounded_left_ns(b);
+    bool reuse = fits && (approximate ? !(drift > 0.0f)
+                                      : drift <= (near ? PALP_REUSE_NEAR : PALP_REUSE_FAR));
+    if (reuse) {
+        if (drift > PALP_REUSE_NEAR) b->finer = false;
+        palp_assembly_settle(a);
+        (void)take_finer(b, c->count, rest_ns);
+    } else {
+        b->finer = false;
+        palp_assembly_settle(a); /* what a change of level is measured against */
+        renew(b, a->seams.finest, c->count, rest_ns);
+        b->moving.renewed = true;
+    }
+    palp_contact_follow(c);
+    note_level(b);
+}
+
+/* The next finer level while the posture rests, as far as it would leave time for a tick. */
+void palp_moving_spare(palp_bounded *bounded) {
+    palp_bounded *b = bounded;
+    palp_assembly *a = b->config.assembly;
+    palp_seams *q = &a->seams;
+    uint32_t count = palp_ladder_contact(&b->ladder)->count;
+    uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;
+    if (palp_assembly_drift(a) > PALP_REUSE_NEAR || a->level == q->finest) return;
+    float share = b->config.cost.margin * 1e9f * b->config.dt_s;
+    if (!b->finer) {
+        if (time_of(b, cost_after(b, next, count)) > 0.5f * share) return;
+        palp_seams_begin(q, &a->posture, next);
+        b->finer = true;
+    }
+    float step_ns = time_of(b, palp_seams_cost_factor(q, next)) /
+                    (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
+    while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
+}
