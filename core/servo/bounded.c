@@ -86,7 +86,9 @@ void palp_bounded_reset(palp_bounded *bounded) {
 }
 
 uint64_t palp_bounded_work(const palp_bounded *bounded) {
-    return bounded->ladder.contact[0].work_done + bounded->ladder.contact[1].work_done;
+    const palp_assembly *a = bounded->config.assembly;
+    return bounded->ladder.contact[0].work_done + bounded->ladder.contact[1].work_done +
+           (a != NULL ? a->seams.work_done : 0u);
 }
 
 /* ---- time ---- */

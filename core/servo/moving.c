@@ -38,6 +38,7 @@ void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_fra
 /* Makes the factor on `level`, looking at the clock before every step; false if that took too long
  * for `keep_ns` to be left, or it is not sound. */
 static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
+    bool smooth = b->moving.drift <= PALP_REUSE_FAR;
     palp_assembly *a = b->config.assembly;
     float step_ns = time_of(b, palp_seams_cost_factor(&a->seams, level)) /
                     (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
@@ -45,7 +46,7 @@ static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
     }
-    return palp_assembly_take(a);
+    return palp_assembly_take(a, smooth);
 }
 
 /* The finest level, `from` or coarser, that is done in time. */
@@ -78,7 +79,7 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
     b->finer = false;
     if (time_of(b, cost_after(b, f->level, count)) + rest_ns > palp_bounded_left_ns(b))
         return false;
-    return palp_assembly_take(a);
+    return palp_assembly_take(a, true);
 }
 
 void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
@@ -101,7 +102,8 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
         (void)take_finer(b, c->count, rest_ns);
     } else {
         b->finer = false;
-        palp_assembly_settle(a); /* what a change of level is measured against */
+        if (drift <= PALP_REUSE_FAR)
+            palp_assembly_settle(a); /* what a change of level is measured against */
         renew(b, a->seams.finest, c->count, rest_ns);
         b->moving.renewed = true;
     }

@@ -160,7 +160,6 @@ static void cache_local(palp_contact *c, uint32_t i, uint32_t j) {
 static void cache_row(palp_contact *c, uint32_t i) {
     const palp_candidate *k = &c->candidate[i];
     float *row = c->seam_row + (size_t)i * c->seam_width;
-    uint64_t before = c->assembly->seams.work_done;
     for (uint32_t e = 0; e < c->seam_width; e++) row[e] = 0.0f;
     c->touched[i] = 0;
     for (uint32_t a = 0; a < spots_of(k); a++) {
@@ -168,7 +167,6 @@ static void cache_row(palp_contact *c, uint32_t i) {
         palp_assembly_push(c->assembly, s.body, s.slot, s.d, row, &c->touched[i]);
     }
     palp_assembly_sweep(c->assembly, row, &c->touched[i]);
-    c->work_done += c->assembly->seams.work_done - before;
 }
 
 static void cache_total(palp_contact *c, uint32_t i, uint32_t j) {

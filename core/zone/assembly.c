@@ -192,16 +192,17 @@ const float *palp_assembly_total(palp_assembly *assembly) {
     return a->total;
 }
 
-bool palp_assembly_take(palp_assembly *assembly) {
+bool palp_assembly_take(palp_assembly *assembly, bool smooth) {
     palp_assembly *a = assembly;
     palp_seams *q = &a->seams;
     uint32_t n = 3u * q->modes;
     const palp_seam_factor *f = palp_seams_factor(q), *next = &q->factor[1u - q->now];
     bool other = f->level != next->level || f->diagonal != next->diagonal;
     const float *total = palp_assembly_total(a);
-    for (uint32_t i = 0; i < n && other; i++) a->kept[i] = total[i];
+    for (uint32_t i = 0; i < n; i++) a->kept[i] = total[i];
     if (!palp_seams_take(q)) return false;
-    if (!other) {
+    for (uint32_t i = 0; i < n && !smooth; i++) a->carried[i] = 0.0f;
+    if (!other || !smooth) {
         palp_assembly_settle(a);
         return true;
     }

@@ -76,9 +76,10 @@ const float *palp_assembly_total(palp_assembly *assembly);
 
 /*
  * Puts a factor that has been made aside (palp_seams_step) to use without a jump: `carried` takes
- * up the difference that it makes under the present loads. False if it is not sound.
+ * up the difference that it makes under the present loads, unless not `smooth`: after a leap there
+ * is nothing to go on from. False if it is not sound.
  */
-bool palp_assembly_take(palp_assembly *assembly);
+bool palp_assembly_take(palp_assembly *assembly, bool smooth);
 
 /*
  * What the elastic model does to the link of `zone` through its seams: force (N) and moment (Nm)
