@@ -116,6 +116,13 @@ static uint32_t project_faces(const palp_blob *b, const camera *c, const double 
     return n;
 }
 
+static void draw_face(FILE *f, const face *t) {
+    char hex[8];
+    snprintf(hex, sizeof hex, "#%02x%02x%02x", t->rgb[0], t->rgb[1], t->rgb[2]);
+    fprintf(f, "<path d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz' fill='%s' stroke='%s'/>\n", t->xy[0][0],
+            t->xy[0][1], t->xy[1][0], t->xy[1][1], t->xy[2][0], t->xy[2][1], hex, hex);
+}
+
 static void draw_tool(FILE *f, const camera *c, const double tool[3], double radius) {
     double xy[2];
     (void)project(c, tool, xy);
@@ -162,15 +169,110 @@ void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, cons
             draw_tool(f, &c, tool, (double)tool_radius_m);
             drawn = true;
         }
-        char hex[8];
-        snprintf(hex, sizeof hex, "#%02x%02x%02x", t->rgb[0], t->rgb[1], t->rgb[2]);
-        fprintf(f, "<path d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz' fill='%s' stroke='%s'/>\n",
-                t->xy[0][0], t->xy[0][1], t->xy[1][0], t->xy[1][1], t->xy[2][0], t->xy[2][1], hex,
-                hex);
+        draw_face(f, t);
     }
     if (!drawn) draw_tool(f, &c, tool, (double)tool_radius_m);
     fputs("</g>\n</svg>\n", f);
     free(faces);
     free(heat);
     free(x);
+}
+
+/* ---- posed bodies ---- */
+
+#define SIDES 40
+
+static void add_face(face *faces, size_t *count, const camera *c, double x[3][3], double warm,
+                     bool rigid) {
+    double normal[3], lamp[3];
+    triangle_normal(x[0], x[1], x[2], normal);
+    v_normalize(normal);
+    if (v_dot(normal, c->toward) < 0) return;
+    for (int k = 0; k < 3; k++)
+        lamp[k] = 0.45 * c->toward[k] + 0.75 * c->up[k] - 0.45 * c->right[k];
+    v_normalize(lamp);
+    face *f = &faces[(*count)++];
+    f->depth = 0;
+    for (int k = 0; k < 3; k++) f->depth += project(c, x[k], f->xy[k]) / 3;
+    double light = 0.42 + 0.62 * fmax(v_dot(normal, lamp), 0);
+    colour(light, warm, f->rgb);
+    const double steel[3] = {120, 150, 190};
+    for (int k = 0; k < 3 && rigid; k++) f->rgb[k] = (int)fmin(255, steel[k] * light);
+}
+
+static void add_cylinder(face *faces, size_t *count, const camera *c, const view_cylinder *y) {
+    double side[3] = {1, 0, 0}, across[3], up[3];
+    if (fabs(y->axis[0]) > 0.7) side[0] = 0, side[1] = 1;
+    v_cross(y->axis, side, across);
+    v_normalize(across);
+    v_cross(y->axis, across, up);
+    for (int i = 0; i < SIDES; i++) {
+        double p[2][2][3], end[2][3]; /* [side][end] */
+        for (int s = 0; s < 2; s++) {
+            double angle = 2 * 3.14159265358979 * (i + s) / SIDES;
+            for (int e = 0; e < 2; e++) {
+                for (int k = 0; k < 3; k++) {
+                    end[e][k] = y->center[k] + (e == 0 ? -y->half : y->half) * y->axis[k];
+                    p[s][e][k] =
+                        end[e][k] + y->radius * (cos(angle) * across[k] + sin(angle) * up[k]);
+                }
+            }
+        }
+        const double *corner[4][3] = {{p[0][0], p[1][0], p[1][1]},
+                                      {p[0][0], p[1][1], p[0][1]},
+                                      {end[1], p[0][1], p[1][1]},
+                                      {end[0], p[1][0], p[0][0]}};
+        for (int t = 0; t < 4; t++) {
+            double x[3][3];
+            for (int k = 0; k < 3; k++) memcpy(x[k], corner[t][k], sizeof x[k]);
+            add_face(faces, count, c, x, 0, true);
+        }
+    }
+}
+
+void view_posed(FILE *f, const view_body *body, uint32_t bodies, const view_cylinder *cylinder,
+                int width, int height) {
+    camera c = {.width = width, .height = height, .toward = {0.25, -0.9, 0.35}, .up = {0, 0, 1}};
+    double low[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    double largest = 1e-12;
+    size_t room = 4 * SIDES, count = 0;
+    v_normalize(c.toward);
+    v_cross(c.up, c.toward, c.right);
+    v_normalize(c.right);
+    v_cross(c.toward, c.right, c.up);
+    for (uint32_t i = 0; i < bodies; i++) {
+        room += body[i].triangles;
+        for (uint32_t n = 0; n < body[i].nodes; n++) {
+            largest = fmax(largest, (double)body[i].heat[n]);
+            for (uint32_t k = 0; k < 3; k++) {
+                low[k] = fmin(low[k], (double)body[i].place_m[3 * n + k]);
+                high[k] = fmax(high[k], (double)body[i].place_m[3 * n + k]);
+            }
+        }
+    }
+    for (int k = 0; k < 3; k++) c.center[k] = 0.5 * (low[k] + high[k]);
+    double wide = v_distance(low, high);
+    c.scale = 0.8 * fmin(width, height * 1.4) / wide;
+    face *faces = allocate(room, sizeof *faces);
+    for (uint32_t i = 0; i < bodies; i++) {
+        for (uint32_t t = 0; t < body[i].triangles; t++) {
+            double x[3][3], warm = 0;
+            for (int k = 0; k < 3; k++) {
+                uint32_t n = body[i].triangle[3 * t + (uint32_t)k];
+                warm += (double)body[i].heat[n] / largest / 3;
+                for (uint32_t a = 0; a < 3; a++) x[k][a] = (double)body[i].place_m[3 * n + a];
+            }
+            add_face(faces, &count, &c, x, warm, false);
+        }
+    }
+    if (cylinder != NULL) add_cylinder(faces, &count, &c, cylinder);
+    qsort(faces, count, sizeof *faces, compare_depth);
+    fprintf(f,
+            "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 %d %d' width='%d' height='%d'>\n"
+            "<rect width='%d' height='%d' fill='#f7f5f2'/>\n<g stroke-width='0.6' "
+            "stroke-linejoin='round'>\n",
+            width, height, width, height, width, height);
+    for (size_t i = 0; i < count; i++) draw_face(f, &faces[i]);
+    fputs("</g>\n</svg>\n", f);
+    free(faces);
 }

@@ -18,6 +18,7 @@ int command_unpack(int argc, char **argv);
 int command_replay(int argc, char **argv);
 int command_zwidth(int argc, char **argv);
 int command_report(int argc, char **argv);
+int command_play(int argc, char **argv);
 void describe_device(const char *name, double rate_hz, bool json);
 
 /* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay

@@ -20,6 +20,7 @@ static const struct {
     {"unpack", command_unpack, "a packed blob back into a blob"},
     {"replay", command_replay, "re-run a recorded session bit for bit"},
     {"report", command_report, "draw a recorded session: one self-contained HTML page"},
+    {"play", command_play, "move a multizone model along a scene, in bounded time"},
     {"zwidth", command_zwidth, "the largest stable stiffness against rate, delay and damping"},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])

@@ -233,7 +233,8 @@ static void displacements(problem *p, bool bent, const float *w, double *out) {
     for (uint32_t k = 0; k < p->conditions; k++) {
         const scalar_condition *c = &p->condition[k];
         palp_vec3 u = palp_vec3_at(p->u[c->zone] + 3 * (size_t)c->node);
-        u = palp_add(u, palp_zone_follow(p->z, c->zone, c->slot, modes[c->zone]));
+        u = palp_add(
+            u, palp_zone_follow(p->z, PALP_SEAM_LEVELS - 1, c->zone, c->slot, modes[c->zone]));
         out[k] = (double)palp_dot(c->direction, u);
     }
     for (uint32_t i = 0; i < p->z->meta->zones; i++) free(modes[i]);

@@ -61,10 +61,11 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
         return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < need_of(config)) return PALP_ERR_MEMORY;
-    b.bound = config->assembly != NULL
-                  ? palp_cost_of_zones(config->assembly->zones, config->limits, config->tools,
-                                       config->tool_count)
-                  : palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
+    b.bound =
+        config->assembly != NULL
+            ? palp_cost_of_zones(config->assembly->zones, config->assembly->seams.finest,
+                                 config->pairs, config->limits, config->tools, config->tool_count)
+            : palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
     float ns = config->cost.ns_per_operation, least_ns = palp_cost_least(&b.bound) * ns;
     if (config->assembly != NULL)
         least_ns += palp_moving_cost_least(&b, config->limits.max_candidates) * ns;

@@ -57,8 +57,9 @@ palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
     return b;
 }
 
-palp_cost_bound palp_cost_of_zones(const palp_zones *zones, palp_contact_limits limits,
-                                   const palp_tool *tools, uint32_t tool_count) {
+palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, bool pairs,
+                                   palp_contact_limits limits, const palp_tool *tools,
+                                   uint32_t tool_count) {
     palp_cost_bound all = palp_cost_of(&zones->blob[0], limits, tools, tool_count);
     float grid = 0.0f;
     all.tables = 0;
@@ -67,15 +68,21 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, palp_contact_limits 
         all.ring = palp_max(all.ring, b.ring);
         all.row = palp_max(all.row, b.row);
         all.extraction = palp_max(all.extraction, b.extraction);
-        all.modes = palp_max(all.modes, (float)zones->zone[i].modes);
+        float modes = 0.0f;
+        for (uint32_t k = 0; k < zones->part[i].seams; k++)
+            modes += (float)zones->seam[zones->part[i].seam[k]].level_modes[finest];
+        all.modes = palp_max(all.modes, modes);
         grid += b.grid - (float)PALP_CONTACT_SCAN * b.near;
     }
     all.bodies = (float)zones->meta->zones;
     float place = 9.0f * all.modes + 40.0f; /* where a node is, its zone's seams displaced */
     all.tool += place;
     all.near += place;
-    all.grid = grid + (float)PALP_CONTACT_SCAN * all.near +
-               (float)(PALP_CONTACT_PAIR_SCAN + 8u) * (all.bodies * (place + 60.0f) + grid);
+    all.grid = grid + (float)PALP_CONTACT_SCAN * all.near;
+    if (pairs) { /* each node that is looked at finds its nearest on every other zone */
+        float looks = (float)PALP_CONTACT_PAIR_SCAN * (all.bodies - 1.0f) + all.ring;
+        all.grid += looks * (grid / (all.bodies * (float)tool_count) + 2.0f * place + 60.0f);
+    }
     all.least_candidates = all.limit_candidates;
     all.least_active = all.limit_active;
     return all;

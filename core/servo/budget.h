@@ -34,7 +34,7 @@ typedef struct {
     float extraction; /* one block of G from a compressed column */
     float columns;    /* of the springs: 3 per tool */
     uint32_t tables;  /* bit per level that has one */
-    float modes;      /* of the zone that has most; 0: one body */
+    float modes;      /* on the finest level, of the zone that has most; 0: one body */
     float bodies;
     float seam_row, unknowns; /* of the seams' level in use: one candidate's row, its length */
     float ring, limit_active, limit_candidates;
@@ -44,9 +44,11 @@ typedef struct {
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count);
 
-/* The same of a multizone model: the worst of its zones in each count. */
-palp_cost_bound palp_cost_of_zones(const palp_zones *zones, palp_contact_limits limits,
-                                   const palp_tool *tools, uint32_t tool_count);
+/* The same of a multizone model with seams up to level `finest`: the worst of its zones in each
+ * count. */
+palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, bool pairs,
+                                   palp_contact_limits limits, const palp_tool *tools,
+                                   uint32_t tool_count);
 
 /*
  * Moving `count` candidates along on a level of the seams with `unknowns` (palp_seams_cost_solve

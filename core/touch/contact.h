@@ -61,7 +61,7 @@ typedef struct {
 #define PALP_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
 
 #define PALP_ZONE_TOOL PALP_MAX_TOOLS /* stands for the other zones */
-#define PALP_CONTACT_PAIR_SCAN 16u    /* nodes that are compared with other zones by each search */
+#define PALP_CONTACT_PAIR_SCAN 4u     /* nodes that are compared with other zones by each search */
 
 /* Something that search found: a slot of the contact's level, and the tool near it. */
 typedef struct {

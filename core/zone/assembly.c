@@ -123,7 +123,8 @@ palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint
     const palp_blob *b = &a->zones->blob[zone];
     palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
     if (!palp_node_is_fixed(b, node))
-        x = palp_add(x, palp_zone_follow(a->zones, zone, palp_node_slot(b, node), a->bent[zone]));
+        x = palp_add(x, palp_zone_follow(a->zones, a->seams.finest, zone, palp_node_slot(b, node),
+                                         a->bent[zone]));
     return palp_carry(&a->world[zone], x);
 }
 

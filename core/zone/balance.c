@@ -156,12 +156,16 @@ void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uin
     spread(seams, posture->relative, level, zone, w, false, u);
 }
 
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u) {
-    uint32_t modes = zones->zone[zone].modes;
-    const float *follow = zones->part[zone].follow + 9u * (size_t)slot * modes;
+palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t slot,
+                           const float *u) {
+    const palp_zone_part *part = &zones->part[zone];
+    const float *follow = part->follow + 9u * (size_t)slot * zones->zone[zone].modes;
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
-    for (uint32_t i = 0; i < modes; i++)
-        sum = palp_add(sum, palp_rotate(follow + 9u * i, at(u, i)));
+    for (uint32_t k = 0; k < part->seams; k++) {
+        uint32_t end = part->first[k] + zones->seam[part->seam[k]].level_modes[level];
+        for (uint32_t i = part->first[k]; i < end; i++)
+            sum = palp_add(sum, palp_rotate(follow + 9u * i, at(u, i)));
+    }
     return sum;
 }
 

@@ -136,8 +136,10 @@ void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uin
 void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2);
 
-/* Displacement of a free slot of a zone by its seam modes u (m, zone's frame). 9 M. */
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t zone, uint32_t slot, const float *u);
+/* Displacement of a free slot of a zone by its seam modes u (m, zone's frame), those beyond `level`
+ * being zero. 9 a mode. */
+palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t slot,
+                           const float *u);
 
 /* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */
 float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
