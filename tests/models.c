@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "models.h"
+#include "tools/args.h"
+#include "tools/parallel.h"
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -72,6 +74,97 @@ mesh model_box(double size, uint32_t n) {
     }
     free(known);
     return m;
+}
+
+/* Vertex of the lattice point p, by search among those there are. */
+static uint32_t voxel_vertex(mesh *m, size_t *room, const int p[3], double step) {
+    const double x[3] = {p[0] * step, p[1] * step, p[2] * step};
+    for (uint32_t i = m->vertices; i-- > 0;) {
+        if (v_distance(m->x[i], x) < 0.1 * step) return i;
+    }
+    m->x = grow(m->x, room, m->vertices + 1u, sizeof *m->x);
+    memcpy(m->x[m->vertices], x, sizeof x);
+    return m->vertices++;
+}
+
+static bool has_cube(const int (*cube)[3], uint32_t count, const int at[3]) {
+    for (uint32_t i = 0; i < count; i++) {
+        if (memcmp(cube[i], at, sizeof cube[i]) == 0) return true;
+    }
+    return false;
+}
+
+mesh model_voxels(const int (*cube)[3], uint32_t count, double size, uint32_t n, uint32_t **cell) {
+    mesh m = {.vertices = 0};
+    size_t vertex_room = 0, triangle_room = 0, cell_room = 0;
+    *cell = NULL;
+    for (uint32_t c = 0; c < count * 6; c++) {
+        uint32_t a = c % 6 / 2;
+        bool high = c % 2 == 1;
+        int beyond[3] = {cube[c / 6][0], cube[c / 6][1], cube[c / 6][2]};
+        beyond[a] += high ? 1 : -1;
+        if (has_cube(cube, count, beyond)) continue;
+        for (uint32_t q = 0; q < n * n; q++) {
+            uint32_t v[4];
+            for (uint32_t k = 0; k < 4; k++) {
+                int p[3], u = (int)(q % n) + (k == 1 || k == 2), w = (int)(q / n) + (k >= 2);
+                for (int d = 0; d < 3; d++) p[d] = cube[c / 6][d] * (int)n;
+                p[a] += high ? (int)n : 0;
+                p[(a + 1) % 3] += high ? u : w;
+                p[(a + 2) % 3] += high ? w : u;
+                v[k] = voxel_vertex(&m, &vertex_room, p, size / n);
+            }
+            uint32_t turn = (q % n + q / n) % 2;
+            const uint32_t two[2][3] = {{v[turn], v[turn + 1], v[turn + 2]},
+                                        {v[turn], v[turn + 2], v[(turn + 3) % 4]}};
+            m.t = grow(m.t, &triangle_room, m.triangles + 2u, sizeof *m.t);
+            *cell = grow(*cell, &cell_room, m.triangles + 2u, sizeof **cell);
+            memcpy(m.t + m.triangles, two, sizeof two);
+            (*cell)[m.triangles] = (*cell)[m.triangles + 1] = c / 6;
+            m.triangles += 2;
+        }
+    }
+    return m;
+}
+
+typedef struct {
+    body_spec body;
+    zone_model z;
+} zoned_spec;
+
+static void take_line(void *context, const argument *a) {
+    zoned_spec *s = context;
+    if (zone_option(&s->z, &s->body, a)) return;
+    (void)body_option(zone_body(&s->z, &s->body), a);
+}
+
+zoned model_zones(const mesh *body, const char *lines, double epsilon) {
+    static const option options[] = {BODY_OPTIONS, ZONE_OPTIONS, {NULL, 0}};
+    zoned_spec s = {.body = body_defaults};
+    char folder[] = "/tmp/palp-zones-XXXXXX", path[64], command[64];
+    zoned r = {.zones = allocate(1, sizeof *r.zones)};
+    if (mkdtemp(folder) == NULL) die(EXIT_WORK, "no temporary folder");
+    if (body != NULL) {
+        snprintf(path, sizeof path, "%s/body.obj", folder);
+        mesh_save_obj(body, path);
+        s.body.mesh_path = copy_string(path);
+        s.body.as_is = true;
+    }
+    progress_quiet(1);
+    args_parse_text("model", lines, options, take_line, &s);
+    build_options build = {.wavelet = {.kind = WAVELET_LINEAR, .lifted = true},
+                           .compress = {.epsilon = epsilon},
+                           .table_bytes = 64e6};
+    snprintf(path, sizeof path, "%s/zone.obj", folder);
+    r.bytes = zone_bake(&s.z, &s.body, &build, "model", path, NULL, &r.size);
+    if (palp_zones_open(r.zones, r.bytes, r.size) != PALP_OK) die(EXIT_WORK, "zones do not open");
+    for (uint32_t i = 0; i < r.zones->meta->zones; i++) {
+        snprintf(path, sizeof path, "%s/zone-%s.obj", folder, r.zones->zone[i].name);
+        r.part[i] = mesh_load(path);
+    }
+    snprintf(command, sizeof command, "rm -r %s", folder);
+    if (system(command) != 0) warn("%s stays", folder);
+    return r;
 }
 
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,

@@ -5,11 +5,28 @@
 
 #include "core/palp.h"
 #include "tools/build.h"
+#include "tools/zonebake.h"
 
 /* Unit sphere: an icosahedron split `levels` times, vertices coarse to fine. */
 mesh model_sphere(uint32_t levels);
 /* Box of edge `size`, `n` x `n` squares per face, each cut in two. */
 mesh model_box(double size, uint32_t n);
+
+/*
+ * The surface of `count` cubes of edge `size`, n x n squares per face; *cell (to be freed) says
+ * which cube each triangle belongs to.
+ */
+mesh model_voxels(const int (*cube)[3], uint32_t count, double size, uint32_t n, uint32_t **cell);
+
+/* A multizone model baked in memory from a body and the lines of a model file, and the meshes of
+ * its zones. */
+typedef struct {
+    palp_zones *zones;
+    mesh part[PALP_MAX_ZONES];
+    uint8_t *bytes;
+    size_t size;
+} zoned;
+zoned model_zones(const mesh *body, const char *lines, double epsilon);
 
 typedef struct {
     mesh m;

@@ -3,7 +3,7 @@
 #ifndef PALP_TOOLS_BLOBWRITE_H
 #define PALP_TOOLS_BLOBWRITE_H
 
-#define BLOB_MAX_SECTIONS 160u
+#define BLOB_MAX_SECTIONS 256u
 
 #include "compress.h"
 #include "detail.h"

@@ -380,8 +380,8 @@ static void bake_zone(zone_bakery *b, uint32_t i, const build_options *options) 
 /* ---- the file ---- */
 
 typedef struct {
-    palp_blob_entry entry[BLOB_MAX_SECTIONS + 5 * PALP_MAX_ZONES];
-    const void *data[BLOB_MAX_SECTIONS + 5 * PALP_MAX_ZONES];
+    palp_blob_entry entry[BLOB_MAX_SECTIONS];
+    const void *data[BLOB_MAX_SECTIONS];
     uint32_t count;
 } section_table;
 

@@ -30,7 +30,7 @@ typedef struct {
     uint32_t level;                   /* of the factor in use; PALP_DIAGONAL: the approximation */
 } palp_assembly;
 
-#define PALP_ASSEMBLY_ITERATIONS 3u /* of conjugate gradients with a factor of another posture */
+#define PALP_ASSEMBLY_ITERATIONS 4u /* of conjugate gradients with a factor of another posture */
 
 size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest);
 
