@@ -7,11 +7,12 @@
 #include <string.h>
 
 #define CLEARANCE 0.6  /* of interior points from the loops, in edge lengths */
-#define JITTER 1e-3    /* keeps lattice points off common circles */
+#define JITTER 1e-6    /* of the edge length squared, see in_circle */
 #define MAX_FLIPS 1000 /* per edge that is enforced */
 #define RELAXATIONS 2000
 
-typedef double point2[2];
+/* Third: a little of its own that breaks ties. */
+typedef double point2[3];
 
 /* The plane region under triangulation. */
 typedef struct {
@@ -54,14 +55,18 @@ static double area2(const point2 a, const point2 b, const point2 c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-/* Above 0 when d lies inside the circle through a, b, c (counterclockwise). */
+/*
+ * Above 0 when d lies inside the circle through a, b, c (counterclockwise). Points on one circle,
+ * which regular outlines are full of, are told apart by small weights, so that all answers fit
+ * together.
+ */
 static double in_circle(const point2 a, const point2 b, const point2 c, const point2 d) {
     double m[3][3];
     const double *corner[3] = {a, b, c};
     for (int i = 0; i < 3; i++) {
         m[i][0] = corner[i][0] - d[0];
         m[i][1] = corner[i][1] - d[1];
-        m[i][2] = m[i][0] * m[i][0] + m[i][1] * m[i][1];
+        m[i][2] = m[i][0] * m[i][0] + m[i][1] * m[i][1] + corner[i][2] - d[2];
     }
     return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
            m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
@@ -95,9 +100,8 @@ static double jitter(uint64_t *seed) {
     return (double)(*seed >> 11) / 4503599627370496.0 - 1.0;
 }
 
-static void add_lattice(region *r, double edge) {
+static void add_lattice(region *r, double edge, uint64_t *seed) {
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    uint64_t seed = 1;
     for (uint32_t i = 0; i < r->boundary; i++) {
         for (int k = 0; k < 2; k++) {
             low[k] = fmin(low[k], r->p[i][k]);
@@ -108,7 +112,7 @@ static void add_lattice(region *r, double edge) {
     uint32_t row = 0;
     for (double y = low[1] + 0.5 * rise; y < high[1]; y += rise, row++) {
         for (double x = low[0] + (row % 2 == 0 ? 0.25 : 0.75) * edge; x < high[0]; x += edge) {
-            point2 q = {x + JITTER * edge * jitter(&seed), y + JITTER * edge * jitter(&seed)};
+            point2 q = {x, y, JITTER * edge * edge * jitter(seed)};
             if (!inside(r, q) || clearance(r, q) < CLEARANCE * edge) continue;
             r->p = grow(r->p, &r->point_room, r->points + 4, sizeof *r->p);
             memcpy(r->p[r->points++], q, sizeof q);
@@ -161,6 +165,7 @@ static void delaunay(region *r) {
         double angle = 0.1 + 2.0943951 * k;
         r->p[n + (uint32_t)k][0] = 100 * far * cos(angle);
         r->p[n + (uint32_t)k][1] = 100 * far * sin(angle);
+        r->p[n + (uint32_t)k][2] = 0;
     }
     add_triangle(r, n, n + 1, n + 2);
     for (uint32_t i = 0; i < n; i++) insert_point(r, i);
@@ -279,6 +284,8 @@ cap cap_build(double (*loop)[3], const uint32_t *length, uint32_t loops, const c
             total += v_distance(loop[first + i], loop[first + (i + 1) % length[k]]);
         }
     }
+    const double edge = total / r.boundary;
+    uint64_t seed = 1;
     find_plane(&r, loop, r.boundary);
     r.points = r.boundary;
     r.p = grow(r.p, &r.point_room, r.points + 4, sizeof *r.p);
@@ -286,8 +293,9 @@ cap cap_build(double (*loop)[3], const uint32_t *length, uint32_t loops, const c
         double off[3];
         v_sub(loop[i], r.origin, off);
         for (int k = 0; k < 2; k++) r.p[i][k] = v_dot(off, r.axis[k]);
+        r.p[i][2] = JITTER * edge * edge * jitter(&seed);
     }
-    add_lattice(&r, total / r.boundary);
+    add_lattice(&r, edge, &seed);
     delaunay(&r);
     enforce_loops(&r, what);
     keep_inside(&r);
