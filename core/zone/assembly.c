@@ -175,8 +175,7 @@ void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, p
     uint32_t modes = assembly->zones->zone[zone].modes;
     const float *follow = assembly->zones->part[zone].follow + 9u * (size_t)slot * modes;
     float *pushed = assembly->pushed[zone];
-    palp_seams_load(q, &assembly->posture, palp_seams_factor(q)->level, zone, slot, force_N,
-                    assembly->load);
+    palp_seams_load(q, &assembly->posture, q->finest, zone, slot, force_N, assembly->load);
     for (uint32_t i = 0; i < modes; i++) {
         palp_vec3 p = palp_rotate_back(follow + 9u * i, force_N);
         pushed[3u * i] += p.x;
@@ -187,8 +186,14 @@ void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, p
 
 const float *palp_assembly_total(palp_assembly *assembly) {
     palp_assembly *a = assembly;
-    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->total[i] = a->load[i];
-    palp_seams_solve(&a->seams, a->total);
+    palp_seams *q = &a->seams;
+    uint32_t level = palp_seams_factor(q)->level;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) { /* modes beyond the level stay out */
+        uint32_t first = 3u * q->first_mode[s], used = 3u * palp_seam_modes(q, s, level);
+        for (uint32_t i = 0; i < 3u * palp_seam_modes(q, s, q->finest); i++)
+            a->total[first + i] = i < used ? a->load[first + i] : 0.0f;
+    }
+    palp_seams_solve(q, a->total);
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->total[i] += a->w[i];
     return a->total;
 }
