@@ -28,7 +28,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all static demo test check bench reproduce deps install deb clean help format
+.PHONY: all static demo demo-finger test check bench reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -91,6 +91,12 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 	@echo "The same bake took nine hours on eight processors in 2002 (Table II of the paper)."
 	@echo "Look at $(DEMO)/report.html"
 
+demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a new posture each tick: build/finger/report.html
+	@mkdir -p $(BUILD)/finger
+	$(BUILD)/palp bake blobs/finger.model -o $(BUILD)/finger/finger.palp
+	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv
+	@echo "Look at $(BUILD)/finger/report.html"
+
 # ---- tests ----
 
 UNIT := $(sort $(wildcard tests/unit/*.c))
@@ -99,7 +105,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := tests/cli/bad-input.sh tests/cli/formats.sh tests/cli/levels.sh tests/cli/controller.sh tests/freestanding.sh
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
@@ -122,7 +128,7 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct logs realtime dds zwidth package fuzz vm reproduce)
+CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct finger logs realtime dds zwidth package fuzz vm reproduce)
 check: all $(UNIT_BIN) ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
 
@@ -145,4 +151,4 @@ format: ## lay out every source file by .clang-format
 clean: ## remove build/
 	rm -rf $(BUILD)
 help: ## this list
-	@grep -hE '^[a-z]+:.*## ' Makefile | sed 's/:.*## /\t/' | sort | awk -F'\t' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | sort | awk -F'\t' '{printf "  make %-11s %s\n", $$1, $$2}'

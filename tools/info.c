@@ -3,6 +3,7 @@
 #include "commands.h"
 #include "core/green/columns.h"
 #include "util.h"
+#include "zonesolve.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -143,20 +144,93 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
     printf("bytes                 %zu (dense free-free block: %.0f)\n", b->bytes, dense_bytes);
 }
 
+static void print_body(const palp_blob *b, bool json) {
+    char sha[65];
+    for (size_t i = 0; i < 32; i++) snprintf(sha + 2 * i, 3, "%02x", b->meta->mesh_sha256[i]);
+    double free_nodes = b->meta->domain_nodes[PALP_FREE];
+    double columns = b->level[b->meta->constraint_level].nodes;
+    double block = palp_blob_has(b, PALP_META_SCALAR) ? 4 : 36;
+    double dense_bytes = block * free_nodes * columns;
+    double compression = free_nodes * columns / (double)b->meta->free_blocks;
+    (json ? print_json : print_text)(b, sha, dense_bytes, compression);
+}
+
+/* ---- multizone models ---- */
+
+static const char *const joint_kinds[] = {"fixed", "revolute", "prismatic"};
+
+static void print_zones_json(const palp_zones *z, size_t bytes) {
+    printf("{\"nodes\": %" PRIu32 ", \"bytes\": %zu,\n \"zones\": [", z->nodes, bytes);
+    for (uint32_t i = 0; i < z->meta->zones; i++) {
+        printf("%s{\"name\": \"%s\", \"first_node\": %" PRIu32 ", \"seam_modes\": %" PRIu32
+               ", \"body\":\n",
+               i > 0 ? ",\n  " : "", z->zone[i].name, z->part[i].first_node, z->zone[i].modes);
+        print_body(&z->blob[i], true);
+        printf("}");
+    }
+    printf("],\n \"joints\": [");
+    for (uint32_t j = 0; j < z->meta->joints; j++) {
+        const palp_joint_entry *e = &z->joint[j];
+        printf("%s{\"name\": \"%s\", \"kind\": \"%s\", \"parent\": \"%s\", \"child\": \"%s\", "
+               "\"closure\": %s, \"axis\": [%.9g, %.9g, %.9g], \"origin_m\": [%.9g, %.9g, %.9g], "
+               "\"low\": %.9g, \"high\": %.9g}",
+               j > 0 ? ",\n  " : "", e->name, joint_kinds[e->kind], z->zone[e->parent].name,
+               z->zone[e->child].name, e->closure != 0 ? "true" : "false", (double)e->axis[0],
+               (double)e->axis[1], (double)e->axis[2], (double)e->origin_m[0],
+               (double)e->origin_m[1], (double)e->origin_m[2], (double)e->low, (double)e->high);
+    }
+    printf("],\n \"seams\": [");
+    for (uint32_t s = 0; s < z->meta->seams; s++) {
+        const palp_seam_entry *e = &z->seam[s];
+        printf("%s{\"zones\": [\"%s\", \"%s\"], \"nodes\": %" PRIu32 ", \"level_modes\": [",
+               s > 0 ? ",\n  " : "", z->zone[e->zone[0]].name, z->zone[e->zone[1]].name, e->nodes);
+        for (uint32_t l = 0; l < PALP_SEAM_LEVELS; l++)
+            printf("%s%" PRIu32, l > 0 ? ", " : "", e->level_modes[l]);
+        printf("]}");
+    }
+    printf("]}\n");
+}
+
+static void print_zones(const palp_zones *z, size_t bytes) {
+    printf("multizone model       %" PRIu32 " zones, %" PRIu32 " seams, %" PRIu32
+           " joints, %" PRIu32 " nodes, %zu bytes\n",
+           z->meta->zones, z->meta->seams, z->meta->joints, z->nodes, bytes);
+    for (uint32_t j = 0; j < z->meta->joints; j++) {
+        const palp_joint_entry *e = &z->joint[j];
+        printf("joint %-15s %s from %s to %s", e->name, joint_kinds[e->kind],
+               z->zone[e->parent].name, z->zone[e->child].name);
+        if (e->kind != PALP_FIXED_JOINT && e->closure == 0)
+            printf(", %.6g to %.6g %s", (double)e->low, (double)e->high,
+                   e->kind == PALP_REVOLUTE ? "rad" : "m");
+        printf("%s\n", e->closure != 0 ? ", closes a loop" : "");
+    }
+    for (uint32_t s = 0; s < z->meta->seams; s++) {
+        const palp_seam_entry *e = &z->seam[s];
+        printf("seam                  %s - %s: %" PRIu32 " nodes, modes by level",
+               z->zone[e->zone[0]].name, z->zone[e->zone[1]].name, e->nodes);
+        for (uint32_t l = 0; l < PALP_SEAM_LEVELS; l++) printf(" %" PRIu32, e->level_modes[l]);
+        printf("\n");
+    }
+    for (uint32_t i = 0; i < z->meta->zones; i++) {
+        printf("\nzone %s, nodes from %" PRIu32 "\n", z->zone[i].name, z->part[i].first_node);
+        print_body(&z->blob[i], false);
+    }
+}
+
 int command_info(int argc, char **argv) {
     info_spec s = {.rate_hz = 1000};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.device != NULL) describe_device(s.device, s.rate_hz, s.json);
     if (s.device != NULL && s.blob == NULL) return EXIT_SUCCESS;
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
-    palp_blob b = load_blob(s.blob);
-    char sha[65];
-    for (size_t i = 0; i < 32; i++) snprintf(sha + 2 * i, 3, "%02x", b.meta->mesh_sha256[i]);
-    double free_nodes = b.meta->domain_nodes[PALP_FREE];
-    double columns = b.level[b.meta->constraint_level].nodes;
-    double block = palp_blob_has(&b, PALP_META_SCALAR) ? 4 : 36;
-    double dense_bytes = block * free_nodes * columns;
-    double compression = free_nodes * columns / (double)b.meta->free_blocks;
-    (s.json ? print_json : print_text)(&b, sha, dense_bytes, compression);
+    size_t bytes;
+    char *data = read_file(s.blob, &bytes);
+    if (palp_zones_are_here(data, bytes)) {
+        palp_zones *z = open_zones(s.blob, data, bytes);
+        (s.json ? print_zones_json : print_zones)(z, bytes);
+        return EXIT_SUCCESS;
+    }
+    palp_blob b = open_blob(s.blob, data, bytes);
+    print_body(&b, s.json);
     return EXIT_SUCCESS;
 }

@@ -328,10 +328,7 @@ int command_pack(int argc, char **argv) {
     if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT");
     size_t bytes, decoded_bytes;
     uint8_t *blob = (uint8_t *)read_file(s.input, &bytes);
-    palp_blob before, after;
-    palp_status status = palp_blob_open(&before, blob, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "%s: %s: bake it again", s.input, palp_status_text(status));
+    palp_blob before = open_blob(s.input, blob, bytes), after;
     double wanted = s.error > 0 ? s.error : fmax(0.2 * (double)before.meta->rms_error, 1e-4);
     output out = open_output(s.output);
     coder *coded = allocate(BLOB_MAX_SECTIONS, sizeof *coded);

@@ -67,6 +67,10 @@ void progress_begin(const char *stage, double total) {
 
 void progress_add(double amount) {
     pthread_mutex_lock(&progress.lock);
+    if (progress.stage == NULL) { /* work that belongs to no stage */
+        pthread_mutex_unlock(&progress.lock);
+        return;
+    }
     progress.done += amount;
     double fraction = progress.done / progress.total;
     double t = now_s();
@@ -90,5 +94,6 @@ void progress_end(void) {
     if (!progress.quiet && seconds >= 0.1) {
         fprintf(stderr, "%s%-28s %.1f s\n", isatty(2) ? "\r" : "", progress.stage, seconds);
     }
+    progress.stage = NULL;
     pthread_mutex_unlock(&progress.lock);
 }

@@ -118,8 +118,8 @@ int command_solve(int argc, char **argv) {
     size_t size;
     char *data = read_file(s.blob, &size);
     if (palp_zones_are_here(data, size)) return solve_zones(&s, data, size);
-    if (s.joints > 0) die(EXIT_USAGE, "%s: one body has no joints", s.blob);
     palp_blob b = open_blob(s.blob, data, size);
+    if (s.joints > 0) die(EXIT_USAGE, "%s: one body has no joints", s.blob);
     uint32_t level = choose_level(&b, s.level);
     size_t count = 0;
     condition_line *list =
