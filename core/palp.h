@@ -18,6 +18,7 @@
  *   blob/   format, validation, typed views
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface
+ *   zone/   multizone models: postures, seams, the posed model as contact sees it
  *   touch/  tools, contact, friction, change of constraint level, point contact, virtual coupling
  *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
  *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick
@@ -41,5 +42,6 @@
 #include "core/green/field.h"
 #include "core/servo/servo.h"
 #include "core/touch/point.h"
+#include "core/zone/assembly.h"
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Feeds the drives' frames of a candump log to the servo and prints a hash of every frame and force
- * it gives. */
+ * it gives; then, with a multizone model, of every force and seam displacement while it moves. */
 #include "core/palp.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,17 +17,73 @@ static void mix(const void *data, size_t bytes) {
     for (size_t i = 0; i < bytes; i++) hash = (hash ^ p[i]) * 1099511628211ull;
 }
 
+static void *load(const char *path, size_t *bytes) {
+    FILE *f = fopen(path, "rb");
+    if (f == NULL) exit(2);
+    fseek(f, 0, SEEK_END);
+    *bytes = (size_t)ftell(f);
+    rewind(f);
+    void *data = aligned_alloc(64, (*bytes + 63) / 64 * 64);
+    if (fread(data, 1, *bytes, f) != *bytes) exit(1);
+    fclose(f);
+    return data;
+}
+
+/* The tool goes round over the model while its joints swing; levels change by the work done. */
+static palp_bounded bounded;
+static uint64_t work_clock(void *context) {
+    (void)context;
+    return palp_bounded_work(&bounded);
+}
+
+static void move_zones(const char *path) {
+    static palp_zones zones;
+    static palp_assembly assembly;
+    size_t bytes;
+    void *data = load(path, &bytes);
+    if (palp_zones_open(&zones, data, bytes) != PALP_OK) exit(1);
+    size_t room = palp_assembly_memsize(&zones, 4);
+    if (palp_assembly_init(&assembly, &zones, 4, aligned_alloc(64, room), room) != PALP_OK) exit(1);
+    const palp_tool tool = palp_tool_sphere(0.008f);
+    const palp_frame rest = PALP_FRAME_IDENTITY;
+    palp_bounded_config config = {.assembly = &assembly,
+                                  .pairs = true,
+                                  .tools = &tool,
+                                  .tool_count = 1,
+                                  .limits = {24, 12, 4, 12, false},
+                                  .cost = {1.0f, 0.95f},
+                                  .port = {.now_ns = work_clock},
+                                  .dt_s = 1e-3f};
+    room = palp_bounded_memsize_zones(&zones, 4, config.limits);
+    if (palp_bounded_init(&bounded, &config, aligned_alloc(64, room), room, NULL) != PALP_OK)
+        exit(1);
+    bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
+    for (uint32_t i = 0; i < 1500; i++) {
+        float s = (float)i / 1500.0f, sine, cosine, value[PALP_MAX_JOINTS] = {0};
+        palp_coupling_result result;
+        palp_bounded_report report;
+        palp_sincos(6.2831853f * s, &sine, &cosine);
+        value[0] = 0.3f * sine;
+        value[1] = 0.2f * cosine - 0.2f;
+        palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
+        palp_bounded_pose(&bounded, value, &rest);
+        palp_bounded_tick(&bounded, work_clock(NULL), &hand, &result, &report);
+        palp_bounded_spare(&bounded);
+        mix(&result.force_N, sizeof result.force_N);
+        mix(assembly.w, 3 * assembly.seams.modes * sizeof(float));
+        mix(&bounded.moving.level, sizeof bounded.moving.level);
+    }
+    printf("%016llx zones, ", (unsigned long long)hash);
+}
+
 int main(int argc, char **argv) {
     palp_blob blob;
     palp_servo *servo;
-    if (argc != 3) return 2;
-    FILE *f = fopen(argv[1], "rb");
-    fseek(f, 0, SEEK_END);
-    size_t bytes = (size_t)ftell(f);
-    rewind(f);
-    void *data = aligned_alloc(64, (bytes + 63) / 64 * 64);
-    if (fread(data, 1, bytes, f) != bytes || palp_blob_open(&blob, data, bytes) != PALP_OK)
-        return 1;
+    if (argc < 3) return 2;
+    size_t bytes;
+    void *data = load(argv[1], &bytes);
+    if (palp_blob_open(&blob, data, bytes) != PALP_OK) return 1;
+    if (argc > 3) move_zones(argv[3]);
     palp_servo_config config = {.device = {.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
                                            .drives = {.protocol = PALP_PROTOCOL_ODRIVE,
                                                       .counts_per_rev = 8192,

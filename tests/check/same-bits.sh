@@ -3,6 +3,7 @@
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
 small_body "$work/r.palp"
+small_chain "$work/z.palp"
 "$palpd" "$work/r.palp" --bus loop --device arm3 --seconds 6 --no-wait --log "$work/r.log" >/dev/null
 grep -qE ' loop 0(29|49|69)#' "$work/r.log"
 ok $? "a log of $(grep -c . "$work/r.log") frames"
@@ -16,7 +17,7 @@ run() { # run NAME RUNNER COMPILER FLAGS...
     fi
     "$compiler" -std=c11 -ffp-contract=off -fno-math-errno -static "$@" -I. tests/check/hash-ticks.c core/*/*.c -o "$work/hash" 2>"$work/errors" ||
         { ok 1 "$name does not build: $(head -1 "$work/errors")"; return; }
-    hash=$($runner "$work/hash" "$work/r.palp" "$work/r.log")
+    hash=$($runner "$work/hash" "$work/r.palp" "$work/r.log" "$work/z.palp")
     [ -z "$reference" ] && reference=$hash
     [ -n "$hash" ] && [ "$hash" = "$reference" ]
     ok $? "$name: $hash"

@@ -2,24 +2,6 @@
 # Multizone models from the command line: cutting, matching, posing, and every bad model.
 . "$(dirname "$0")/lib.sh"
 
-# bar N PATH: three cubes of 20 mm in a row, N squares along an edge
-bar() {
-    awk -v n="$1" 'BEGIN {
-        h = 0.02 / n; L[0] = 3 * n; L[1] = n; L[2] = n
-        for (a = 0; a < 3; a++) for (side = 0; side < 2; side++) {
-            b = (a + 1) % 3; c = (a + 2) % 3
-            for (i = 0; i < L[b]; i++) for (j = 0; j < L[c]; j++) {
-                for (k = 0; k < 4; k++) {
-                    p[a] = side * L[a]; p[b] = i + (k == 1 || k == 2); p[c] = j + (k >= 2)
-                    key = p[0] "," p[1] "," p[2]
-                    if (!(key in id)) { id[key] = ++count; printf "v %.9g %.9g %.9g\n", p[0] * h, p[1] * h, p[2] * h }
-                    q[side ? k : 3 - k] = id[key]
-                }
-                faces = faces "f " q[0] " " q[1] " " q[2] "\nf " q[0] " " q[2] " " q[3] "\n"
-            }
-        }
-        printf "%s", faces }' > "$2"
-}
 # model NAME LINES...: a model file of these lines behind the common ones
 model() {
     name=$1
