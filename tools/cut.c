@@ -124,7 +124,7 @@ static crossing *split_edges(cutting *c, const knife *k, uint32_t from, const ch
             list[n++] = (crossing){.a = a < b ? a : b, .b = a < b ? b : a, .vertex = NOBODY};
         }
     }
-    qsort(list, n, sizeof *list, by_ends);
+    if (n > 0) qsort(list, n, sizeof *list, by_ends);
     *count = 0;
     for (size_t i = 0; i < n; i++) {
         if (*count > 0 && by_ends(&list[*count - 1], &list[i]) == 0) continue;

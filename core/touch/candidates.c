@@ -402,12 +402,14 @@ static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
 /* The next slots in turn. */
 static void propose_scan(palp_contact *c, proposals *p) {
     uint32_t body = 0, nodes = c->blob->level[c->level].nodes;
+    const uint32_t tools = c->tool_count;
+    if (tools == 0u) return;
     if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
     for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
         while (body > 0u && c->scan < c->first_slot[body]) body--;
         while (body + 1u < c->bodies && c->scan >= c->first_slot[body + 1u]) body++;
-        uint32_t tool = (c->scan + c->probe) % c->tool_count;
+        uint32_t tool = (c->scan + c->probe) % tools;
         propose(c, p, (palp_fresh){c->scan - c->first_slot[body], tool, body, 0, 0});
     }
 }

@@ -19,48 +19,69 @@ static bool meet(const palp_zones *z, uint32_t s, uint32_t t) {
     return a[0] == b[0] || a[0] == b[1] || a[1] == b[0] || a[1] == b[1];
 }
 
-/* Which later seams each seam meets once those before it are gone; false if they are too many. */
-static bool find_partners(palp_seams *q) {
-    uint64_t later[PALP_MAX_SEAMS];
-    uint32_t n = q->zones->meta->seams;
+static uint32_t count_of(uint64_t mask) {
+    uint32_t n = 0;
+    for (; mask != 0u; mask &= mask - 1u) n++;
+    return n;
+}
+
+/* Which later seams each seam meets once those before it are gone, a bit each; false if they are
+ * too many. */
+static bool find_later(const palp_zones *z, uint64_t later[PALP_MAX_SEAMS]) {
+    uint32_t n = z->meta->seams;
     for (uint32_t s = 0; s < n; s++) {
         later[s] = 0;
-        for (uint32_t t = s + 1u; t < n; t++) later[s] |= meet(q->zones, s, t) ? 1ull << t : 0u;
+        for (uint32_t t = s + 1u; t < n; t++) later[s] |= meet(z, s, t) ? 1ull << t : 0u;
     }
     for (uint32_t s = 0; s < n; s++) {
-        q->partners[s] = 0;
-        for (uint32_t t = s + 1u; t < n; t++) {
-            if ((later[s] >> t & 1u) == 0u) continue;
-            if (q->partners[s] == PALP_MAX_PARTNERS) return false;
-            q->partner[s][q->partners[s]++] = (uint8_t)t;
-            later[t] |= later[s] >> (t + 1u) << (t + 1u); /* what its elimination fills */
+        if (count_of(later[s]) > PALP_MAX_PARTNERS) return false;
+        for (uint32_t t = s + 1u; t < n; t++) { /* what its elimination fills */
+            if ((later[s] >> t & 1u) != 0u) later[t] |= later[s] >> t >> 1u << t << 1u;
         }
     }
     return true;
 }
 
-static void lay_out(palp_seams *q, palp_arena *arena) {
+/* Floats of all blocks; `link` gets where each begins, unless it is NULL. */
+static size_t place_blocks(const palp_seams *q, const uint64_t later[PALP_MAX_SEAMS],
+                           palp_seam_links *link) {
+    size_t blocks = 0;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
+        uint32_t k = 0;
+        for (uint32_t t = s; t < q->zones->meta->seams; t++) {
+            if (t > s && (later[s] >> t & 1u) == 0u) continue;
+            if (link != NULL) {
+                link[s].offset[k] = (uint32_t)blocks;
+                if (k > 0u) link[s].other[k - 1u] = (uint8_t)t;
+                link[s].count = (uint8_t)k;
+            }
+            k++;
+            size_t size = (size_t)unknowns(q, s, q->finest) * unknowns(q, t, q->finest);
+            blocks += (size + 15u) / 16u * 16u;
+        }
+    }
+    return blocks;
+}
+
+static void lay_out(palp_seams *q, const uint64_t later[PALP_MAX_SEAMS], palp_arena *arena) {
     const palp_zones *z = q->zones;
     uint32_t n = z->meta->seams, most = 0;
-    size_t blocks = 0;
     q->modes = 0;
     for (uint32_t s = 0; s < n; s++) {
         q->first_mode[s] = q->modes;
         q->modes += palp_seam_modes(q, s, q->finest);
-    }
-    for (uint32_t s = 0; s < n; s++) {
-        for (uint32_t k = 0; k <= q->partners[s]; k++) {
-            uint32_t other = k == 0u ? s : q->partner[s][k - 1u];
-            q->offset[s][k] = blocks;
-            size_t size = (size_t)unknowns(q, s, q->finest) * unknowns(q, other, q->finest);
-            blocks += (size + 15u) / 16u * 16u;
-        }
         size_t side = unknowns(q, s, PALP_DIAGONAL);
         q->sample[s] = palp_take(arena, PALP_DIAGONAL_SAMPLES * side * side, sizeof(float));
     }
     for (uint32_t i = 0; i < z->meta->zones; i++)
         most = z->zone[i].modes > most ? z->zone[i].modes : most;
-    for (uint32_t k = 0; k < 2; k++) q->factor[k].block = palp_take(arena, blocks, sizeof(float));
+    q->link = palp_take(arena, n, sizeof *q->link);
+    q->spare = palp_take(arena, 1, sizeof *q->spare);
+    size_t blocks = place_blocks(q, later, q->link);
+    for (uint32_t k = 0; k < 2; k++) {
+        q->factor[k].block = palp_take(arena, blocks, sizeof(float));
+        q->factor[k].relative = palp_take(arena, n, sizeof(palp_frame));
+    }
     for (uint32_t k = 0; k < 4; k++) q->work[k] = palp_take(arena, 3u * q->modes, sizeof(float));
     q->zone_modes = palp_take(arena, 3u * most, sizeof(float));
     q->zone_forces = palp_take(arena, 3u * most, sizeof(float));
@@ -68,9 +89,11 @@ static void lay_out(palp_seams *q, palp_arena *arena) {
 
 size_t palp_seams_memsize(const palp_zones *zones, uint32_t finest) {
     palp_seams q = {.zones = zones, .finest = finest};
+    uint64_t later[PALP_MAX_SEAMS];
     palp_arena arena = {0};
-    if (finest >= PALP_SEAM_LEVELS || !find_partners(&q)) return 0;
-    lay_out(&q, &arena);
+    if (finest >= PALP_SEAM_LEVELS || !find_later(zones, later)) return 0;
+    if (place_blocks(&q, later, NULL) > UINT32_MAX) return 0;
+    lay_out(&q, later, &arena);
     return arena.used;
 }
 
@@ -125,9 +148,9 @@ static void add_zone(palp_seams *q, const palp_seam_factor *f, uint32_t zone, ui
 /* Assembles the blocks of row s. */
 static void assemble_row(palp_seams *q, palp_seam_factor *f, uint32_t s) {
     const palp_zones *z = q->zones;
-    for (uint32_t k = 0; k <= q->partners[s]; k++) {
-        uint32_t t = k == 0u ? s : q->partner[s][k - 1u];
-        float *block = f->block + q->offset[s][k];
+    for (uint32_t k = 0; k <= q->link[s].count; k++) {
+        uint32_t t = k == 0u ? s : q->link[s].other[k - 1u];
+        float *block = f->block + q->link[s].offset[k];
         size_t size = (size_t)unknowns(q, s, f->level) * unknowns(q, t, f->level);
         for (size_t e = 0; e < size; e++) block[e] = 0.0f;
         for (uint32_t side = 0; side < 2; side++) {
@@ -145,34 +168,34 @@ static void assemble_row(palp_seams *q, palp_seam_factor *f, uint32_t s) {
 /* ---- factorisation ---- */
 
 static size_t block_of(const palp_seams *q, uint32_t s, uint32_t t) {
-    for (uint32_t k = 0; k < q->partners[s]; k++) {
-        if (q->partner[s][k] == t) return q->offset[s][k + 1u];
+    for (uint32_t k = 0; k < q->link[s].count; k++) {
+        if (q->link[s].other[k] == t) return q->link[s].offset[k + 1u];
     }
-    return q->offset[s][0];
+    return q->link[s].offset[0];
 }
 
 static void eliminate(palp_seams *q, palp_seam_factor *f, uint32_t s) {
     size_t n = unknowns(q, s, f->level);
-    float *own = f->block + q->offset[s][0];
+    float *own = f->block + q->link[s].offset[0];
     if (palp_chol_factor(own, n, n) != PALP_OK) {
         f->sound = false;
         return;
     }
     q->work_done += n * n * n / 6u;
-    for (uint32_t k = 0; k < q->partners[s]; k++) {
-        size_t m = unknowns(q, q->partner[s][k], f->level);
-        palp_chol_forward_many(own, n, n, f->block + q->offset[s][k + 1u], m, m);
+    for (uint32_t k = 0; k < q->link[s].count; k++) {
+        size_t m = unknowns(q, q->link[s].other[k], f->level);
+        palp_chol_forward_many(own, n, n, f->block + q->link[s].offset[k + 1u], m, m);
         q->work_done += n * n * m / 2u;
     }
-    for (uint32_t k = 0; k < q->partners[s]; k++) {
-        uint32_t t = q->partner[s][k];
+    for (uint32_t k = 0; k < q->link[s].count; k++) {
+        uint32_t t = q->link[s].other[k];
         size_t rows = unknowns(q, t, f->level);
-        for (uint32_t i = k; i < q->partners[s]; i++) {
-            size_t columns = unknowns(q, q->partner[s][i], f->level);
-            size_t at = i == k ? q->offset[t][0] : block_of(q, t, q->partner[s][i]);
-            palp_subtract_product(f->block + at, columns, f->block + q->offset[s][k + 1u], rows,
-                                  f->block + q->offset[s][i + 1u], columns, n, rows, columns,
-                                  i == k);
+        for (uint32_t i = k; i < q->link[s].count; i++) {
+            size_t columns = unknowns(q, q->link[s].other[i], f->level);
+            size_t at = i == k ? q->link[t].offset[0] : block_of(q, t, q->link[s].other[i]);
+            palp_subtract_product(f->block + at, columns, f->block + q->link[s].offset[k + 1u],
+                                  rows, f->block + q->link[s].offset[i + 1u], columns, n, rows,
+                                  columns, i == k);
             q->work_done += n * rows * columns / (i == k ? 2u : 1u);
         }
     }
@@ -194,7 +217,7 @@ static uint32_t sample_at(const palp_joint_entry *j, float value, float *share) 
 static void interpolate(palp_seams *q, palp_seam_factor *f, uint32_t s, const float *value) {
     uint32_t joint = q->zones->seam[s].joint;
     size_t n = unknowns(q, s, PALP_DIAGONAL), size = n * n;
-    float *block = f->block + q->offset[s][0];
+    float *block = f->block + q->link[s].offset[0];
     float share = 0.0f;
     uint32_t below = 0;
     if (joint != PALP_NONE) below = sample_at(&q->zones->joint[joint], value[joint], &share);
@@ -280,16 +303,16 @@ void palp_seams_forward(palp_seams *seams, float *y, uint64_t *touched) {
         size_t n = unknowns(q, s, f->level);
         float *own = y + 3u * q->first_mode[s];
         if (f->diagonal) {
-            apply_upper(f->block + q->offset[s][0], n, own);
+            apply_upper(f->block + q->link[s].offset[0], n, own);
             q->work_done += n * n / 2u;
             continue;
         }
-        palp_chol_forward(f->block + q->offset[s][0], n, n, own);
+        palp_chol_forward(f->block + q->link[s].offset[0], n, n, own);
         q->work_done += n * n / 2u;
-        for (uint32_t k = 0; k < q->partners[s]; k++) {
-            uint32_t t = q->partner[s][k];
+        for (uint32_t k = 0; k < q->link[s].count; k++) {
+            uint32_t t = q->link[s].other[k];
             size_t m = unknowns(q, t, f->level);
-            subtract_transposed(f->block + q->offset[s][k + 1u], n, m, own,
+            subtract_transposed(f->block + q->link[s].offset[k + 1u], n, m, own,
                                 y + 3u * q->first_mode[t]);
             *touched |= 1ull << t;
             q->work_done += n * m;
@@ -304,13 +327,14 @@ static void backward(palp_seams *q, float *x) {
         float *own = x + 3u * q->first_mode[s];
         q->work_done += n * n / 2u;
         if (f->diagonal) {
-            apply_upper_transposed(f->block + q->offset[s][0], n, own);
+            apply_upper_transposed(f->block + q->link[s].offset[0], n, own);
             continue;
         }
-        for (uint32_t k = 0; k < q->partners[s]; k++) {
-            uint32_t t = q->partner[s][k];
+        for (uint32_t k = 0; k < q->link[s].count; k++) {
+            uint32_t t = q->link[s].other[k];
             size_t m = unknowns(q, t, f->level);
-            const float *b = f->block + q->offset[s][k + 1u], *other = x + 3u * q->first_mode[t];
+            const float *b = f->block + q->link[s].offset[k + 1u],
+                        *other = x + 3u * q->first_mode[t];
             for (size_t i = 0; i < n; i++) {
                 float sum = 0.0f;
                 for (size_t j = 0; j < m; j++) sum += b[i * m + j] * other[j];
@@ -318,7 +342,7 @@ static void backward(palp_seams *q, float *x) {
             }
             q->work_done += n * m;
         }
-        palp_chol_backward(f->block + q->offset[s][0], n, n, own);
+        palp_chol_backward(f->block + q->link[s].offset[0], n, n, own);
     }
 }
 
@@ -338,11 +362,11 @@ float palp_seams_cost_factor(const palp_seams *seams, uint32_t level) {
         sum += n * n * n / 6.0f + 2.0f * n * n;
         if (level == PALP_DIAGONAL) continue;
         sum += 14.0f * n * n; /* both zones' part of the diagonal block, turned */
-        for (uint32_t k = 0; k < q->partners[s]; k++) {
-            float m = (float)unknowns(q, q->partner[s][k], level);
+        for (uint32_t k = 0; k < q->link[s].count; k++) {
+            float m = (float)unknowns(q, q->link[s].other[k], level);
             sum += 9.0f * n * m + 0.5f * n * n * m + 2.0f * n * m;
-            for (uint32_t i = k; i < q->partners[s]; i++)
-                sum += n * m * (float)unknowns(q, q->partner[s][i], level);
+            for (uint32_t i = k; i < q->link[s].count; i++)
+                sum += n * m * (float)unknowns(q, q->link[s].other[i], level);
         }
     }
     return sum;
@@ -354,8 +378,8 @@ float palp_seams_cost_solve(const palp_seams *seams, uint32_t level) {
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         float n = (float)unknowns(q, s, level);
         sum += n * n;
-        for (uint32_t k = 0; k < q->partners[s]; k++)
-            sum += 2.0f * n * (float)unknowns(q, q->partner[s][k], level);
+        for (uint32_t k = 0; k < q->link[s].count; k++)
+            sum += 2.0f * n * (float)unknowns(q, q->link[s].other[k], level);
     }
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
@@ -373,9 +397,9 @@ static bool make_samples(palp_seams *q, uint32_t s) {
     palp_seam_factor *f = &q->factor[1];
     uint32_t joint = q->zones->seam[s].joint;
     size_t n = unknowns(q, s, PALP_DIAGONAL);
-    float value[PALP_MAX_JOINTS] = {0}, *block = f->block + q->offset[s][0];
-    palp_posture posture;
-    palp_posture_rest(&posture, q->zones);
+    float value[PALP_MAX_JOINTS] = {0}, *block = f->block + q->link[s].offset[0];
+    palp_posture *posture = q->spare;
+    palp_posture_rest(posture, q->zones);
     f->level = PALP_DIAGONAL_LEVEL < q->finest ? PALP_DIAGONAL_LEVEL : q->finest;
     for (uint32_t k = 0; k < PALP_DIAGONAL_SAMPLES; k++) {
         float *inverse = q->sample[s] + k * n * n;
@@ -383,9 +407,9 @@ static bool make_samples(palp_seams *q, uint32_t s) {
             const palp_joint_entry *j = &q->zones->joint[joint];
             float share = (float)k / (float)(PALP_DIAGONAL_SAMPLES - 1u);
             value[joint] = j->low + share * (j->high - j->low);
-            palp_posture_set(&posture, q->zones, value, &posture.root);
+            palp_posture_set(posture, q->zones, value, &posture->root);
         }
-        for (uint32_t t = 0; t < q->zones->meta->seams; t++) f->relative[t] = posture.relative[t];
+        for (uint32_t t = 0; t < q->zones->meta->seams; t++) f->relative[t] = posture->relative[t];
         assemble_row(q, f, s);
         if (palp_chol_factor(block, n, n) != PALP_OK) return false;
         for (size_t i = 0; i < n; i++) {
@@ -400,17 +424,17 @@ palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t
                             void *memory, size_t bytes) {
     palp_seams *q = seams;
     palp_arena arena = {.base = memory};
+    uint64_t later[PALP_MAX_SEAMS];
     size_t need = palp_seams_memsize(zones, finest);
     if (need == 0u) return PALP_ERR_LIMITS;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < need) return PALP_ERR_MEMORY;
     *q = (palp_seams){.zones = zones, .finest = finest};
-    (void)find_partners(q);
-    lay_out(q, &arena);
+    (void)find_later(zones, later);
+    lay_out(q, later, &arena);
     for (uint32_t s = 0; s < zones->meta->seams; s++) {
         if (!make_samples(q, s)) return PALP_ERR_NOT_SPD;
     }
-    palp_posture rest;
-    palp_posture_rest(&rest, zones);
-    return palp_seams_refresh(q, &rest, finest);
+    palp_posture_rest(q->spare, zones);
+    return palp_seams_refresh(q, q->spare, finest);
 }

@@ -34,12 +34,18 @@
 #define PALP_DIAGONAL 0xfffffffeu /* stands for it where a level is asked for */
 
 typedef struct {
-    float *block;                        /* the blocks of R, or the approximation's */
-    palp_frame relative[PALP_MAX_SEAMS]; /* posture that it belongs to */
-    uint32_t level;                      /* of the modes it knows */
-    uint32_t step, steps;                /* done, and to be done */
+    float *block;         /* the blocks of R, or the approximation's */
+    palp_frame *relative; /* [seams] posture that it belongs to */
+    uint32_t level;       /* of the modes it knows */
+    uint32_t step, steps; /* done, and to be done */
     bool diagonal, sound;
 } palp_seam_factor;
+
+/* Later seams that one seam meets, fill included, and where their blocks begin: its own first. */
+typedef struct {
+    uint32_t offset[PALP_MAX_PARTNERS + 1u];
+    uint8_t count, other[PALP_MAX_PARTNERS];
+} palp_seam_links;
 
 /* A vector over the seams: seam s begins at 3 first_mode[s]. */
 typedef struct {
@@ -47,9 +53,9 @@ typedef struct {
     uint32_t finest; /* level that memory is there for */
     uint32_t modes;  /* of all seams on it */
     uint32_t first_mode[PALP_MAX_SEAMS];
-    uint8_t partners[PALP_MAX_SEAMS], partner[PALP_MAX_SEAMS][PALP_MAX_PARTNERS];
-    size_t offset[PALP_MAX_SEAMS][PALP_MAX_PARTNERS + 1u]; /* of block (s, s), (s, partner) */
-    palp_seam_factor factor[2];                            /* in use, and being made */
+    palp_seam_links *link;      /* [seams] */
+    palp_posture *spare;        /* for opening */
+    palp_seam_factor factor[2]; /* in use, and being made */
     uint32_t now;
     float *sample[PALP_MAX_SEAMS];   /* [PALP_DIAGONAL_SAMPLES][n][n] inverses of diagonal blocks */
     float *work[4];                  /* vectors */

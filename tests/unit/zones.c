@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Multizone models: seams, postures, levels, cost, contact, against double precision. */
+#include "core/base/crc32c.h"
 #include "core/zone/assembly.h"
 #include "core/touch/contact.h"
 #include "tests/models.h"
@@ -586,6 +587,66 @@ static void test_bending(const zoned *model) {
     printf("# plotted in %s\n", path);
 }
 
+/* ---- hostile models ---- */
+
+/* Sets the CRCs of a model right after a change. */
+static void seal(uint8_t *bytes) {
+    palp_blob_header *h = (palp_blob_header *)(void *)bytes;
+    palp_blob_entry *e = (palp_blob_entry *)(void *)(bytes + sizeof *h);
+    for (uint32_t i = 0; i < h->section_count; i++)
+        e[i].crc = palp_crc32c(0, bytes + e[i].offset,
+                               (size_t)((e[i].count * e[i].element_bytes + 63) / 64 * 64));
+    h->header_crc = 0;
+    uint32_t crc = palp_crc32c(0, h, sizeof *h);
+    h->header_crc = palp_crc32c(crc, e, h->section_count * sizeof *e);
+}
+
+/* Words of the describing sections take hostile values: either refused, or used without harm. */
+static void test_hostile(const zoned *model) {
+    static const uint32_t words[] = {0,   1,     2,          3,          31,         47,
+                                     255, 65535, 0x7fffffff, 0x80000000, 0xffffffff, 0x7fc00000};
+    uint64_t seed = 1;
+    uint32_t refused = 0, used = 0, tries = 0;
+    uint8_t *bytes = allocate_aligned(model->size, 1);
+    palp_zones *z = allocate(1, sizeof *z);
+    for (uint32_t section = PALP_SEC_ZONES; section <= PALP_SEC_SEAM_NODE; section++) {
+        const palp_blob_header *h = (const palp_blob_header *)(const void *)model->bytes;
+        const palp_blob_entry *e =
+            (const palp_blob_entry *)(const void *)(model->bytes + sizeof *h);
+        while (e->type != section) e++;
+        for (uint32_t k = 0; k < 400; k++, tries++) {
+            memcpy(bytes, model->bytes, model->size);
+            size_t all = (size_t)(e->count * e->element_bytes / 4);
+            size_t at = (size_t)((tap_random(&seed) + 1) / 2 * (double)all);
+            uint32_t word = words[(size_t)((tap_random(&seed) + 1) / 2 * 12)];
+            memcpy(bytes + e->offset + 4 * at, &word, 4);
+            seal(bytes);
+            if (palp_zones_open(z, bytes, model->size) != PALP_OK) {
+                refused++;
+                continue;
+            }
+            used++;
+            for (uint32_t finest = 0; finest < PALP_SEAM_LEVELS; finest += 5) {
+                palp_assembly *a = allocate(1, sizeof *a);
+                size_t room = palp_assembly_memsize(z, finest);
+                void *memory = allocate_aligned(room + 1, 1);
+                float value[PALP_MAX_JOINTS] = {0.3f, -0.2f};
+                if (room > 0 && palp_assembly_init(a, z, finest, memory, room) == PALP_OK) {
+                    pose(a, value, finest);
+                    for (uint32_t zone = 0; zone < z->meta->zones; zone++)
+                        (void)palp_assembly_place(a, zone, 0);
+                }
+                free(memory);
+                free(a);
+            }
+        }
+    }
+    CHECK(refused > 0 && used > 0, "%u hostile models: %u refused, %u used without harm", tries,
+          refused, used);
+    free(bytes);
+    free(z);
+}
+
 int main(void) {
     zoned chain = make_chain(2);
     const float posed[PALP_MAX_JOINTS] = {0.6f, -0.9f};
@@ -596,5 +657,6 @@ int main(void) {
     test_one_body();
     test_cost();
     test_bending(&chain);
+    test_hostile(&chain);
     return tap_done();
 }
