@@ -184,7 +184,7 @@ static void take_picture(player *p) {
         palp_field_update(&field, load, loads);
         const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
         float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
-        palp_seams_zone(&p->a->seams, &p->a->posture, PALP_SEAM_LEVELS - 1, i, total, modes);
+        palp_seams_zone(&p->a->seams, p->a->posture, PALP_SEAM_LEVELS - 1, i, total, modes);
         if (p->place[i] == NULL) {
             p->place[i] = allocate(3 * nodes, sizeof(float));
             p->heat[i] = allocate(nodes, sizeof(float));
@@ -250,7 +250,7 @@ static void run(player *p) {
         k->budget_us_used = (double)(now_ns(p) - start_ns) * 1e-3;
         k->wall_us = (now_s() - start) * 1e6;
         k->moving = p->b->moving;
-        check_closures(p->spec->scene, p->z, &p->a->posture);
+        check_closures(p->spec->scene, p->z, p->a->posture);
         double pressed = 0;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++) {
             k->force_N[p->which[t]] = result[t].force_N;

@@ -102,6 +102,7 @@ static int by_ends(const void *p, const void *q) {
 }
 
 static uint32_t on_edge(const crossing *list, size_t count, uint32_t a, uint32_t b) {
+    if (count == 0) return NOBODY;
     crossing key = {.a = a < b ? a : b, .b = a < b ? b : a};
     const crossing *found = bsearch(&key, list, count, sizeof *list, by_ends);
     return found != NULL ? found->vertex : NOBODY;

@@ -79,6 +79,8 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
 }
 
 void palp_bounded_reset(palp_bounded *bounded) {
+    if (bounded->config.assembly != NULL) palp_assembly_calm(bounded->config.assembly);
+    bounded->finer = false;
     palp_ladder_clear(&bounded->ladder);
     palp_coupling_reset(&bounded->coupling);
     bounded->cut_short = 0;

@@ -82,7 +82,7 @@ void palp_bounded_reset(palp_bounded *bounded);
  * iterations instead. Spare time makes finer factors while the posture rests.
  */
 #define PALP_REUSE_NEAR 0.01f /* drift up to which a factor serves contact */
-#define PALP_REUSE_FAR 0.15f   /* and up to which it serves as a preconditioner */
+#define PALP_REUSE_FAR 0.15f  /* and up to which it serves as a preconditioner */
 void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_frame *root);
 
 /* Of moving.c, for bounded.c. */

@@ -42,7 +42,7 @@ static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     palp_assembly *a = b->config.assembly;
     float step_ns = time_of(b, palp_seams_cost_factor(&a->seams, level)) /
                     (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
-    palp_seams_begin(&a->seams, &a->posture, level);
+    palp_seams_begin(&a->seams, a->posture, level);
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
     }
@@ -122,7 +122,7 @@ void palp_moving_spare(palp_bounded *bounded) {
     float share = b->config.cost.margin * 1e9f * b->config.dt_s;
     if (!b->finer) {
         if (time_of(b, cost_after(b, next, count)) > 0.5f * share) return;
-        palp_seams_begin(q, &a->posture, next);
+        palp_seams_begin(q, a->posture, next);
         b->finer = true;
     }
     float step_ns = time_of(b, palp_seams_cost_factor(q, next)) /

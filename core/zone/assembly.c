@@ -1,18 +1,27 @@
 /* SPDX-License-Identifier: MIT */
 #include "assembly.h"
+#include "core/green/columns.h"
 
 static void lay_out(palp_assembly *a, palp_arena *arena) {
     const palp_zones *z = a->zones;
     size_t n = 3u * (size_t)a->seams.modes;
+    a->posture = palp_take(arena, 1, sizeof *a->posture);
     a->w = palp_take(arena, n, sizeof(float));
     a->carried = palp_take(arena, n, sizeof(float));
     a->load = palp_take(arena, n, sizeof(float));
     a->total = palp_take(arena, n, sizeof(float));
     a->kept = palp_take(arena, n, sizeof(float));
+    uint32_t most = 0;
     for (uint32_t i = 0; i < z->meta->zones; i++) {
+        const palp_blob *b = &z->blob[i];
+        uint32_t slots = b->domain[PALP_FREE].slots;
+        bool gravity = palp_blob_has(b, PALP_META_GRAVITY) && z->part[i].weight != NULL;
         a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
+        a->sag[i] = gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
+        most = slots > most ? slots : most;
     }
+    a->field = palp_take(arena, PALP_FIELD_LANES * (size_t)most, sizeof(float));
 }
 
 /* Modes of all seams on a level. */
@@ -24,13 +33,32 @@ static uint32_t count_modes(const palp_zones *z, uint32_t finest) {
 
 size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
     palp_arena arena = {0};
-    size_t seams = palp_seams_memsize(zones, finest), n = count_modes(zones, finest);
-    if (seams == 0u && zones->meta->seams > 0u) return 0;
+    palp_assembly a;
+    size_t seams = palp_seams_memsize(zones, finest);
+    if (seams == 0u) return 0;
     (void)palp_take(&arena, seams, 1);
-    for (uint32_t k = 0; k < 5u; k++) (void)palp_take(&arena, 3u * n, sizeof(float));
-    for (uint32_t i = 0; i < 2u * zones->meta->zones; i++)
-        (void)palp_take(&arena, 3u * (size_t)zones->zone[i / 2u].modes, sizeof(float));
+    a.zones = zones;
+    a.seams.modes = count_modes(zones, finest);
+    lay_out(&a, &arena);
     return arena.used;
+}
+
+/* How each free slot of a zone moves by unit acceleration along each axis. */
+static void make_sag(palp_assembly *a, uint32_t zone) {
+    const palp_blob *b = &a->zones->blob[zone];
+    const palp_columns *c = &b->columns[PALP_FREE][PALP_FREE];
+    uint32_t slots = b->domain[PALP_FREE].slots;
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        const float along[3] = {axis == 0u ? 1.0f : 0.0f, axis == 1u ? 1.0f : 0.0f,
+                                axis == 2u ? 1.0f : 0.0f};
+        for (uint32_t i = 0; i < PALP_FIELD_LANES * slots; i++) a->field[i] = 0.0f;
+        palp_columns_add(c, c->columns - 1u, along, a->field);
+        palp_wavelet_inverse(&b->domain[PALP_FREE], a->field, b->meta->levels - 1u);
+        for (uint32_t i = 0; i < slots; i++) {
+            for (uint32_t k = 0; k < 3; k++)
+                a->sag[zone][9u * i + 3u * k + axis] = a->field[PALP_FIELD_LANES * i + k];
+        }
+    }
 }
 
 palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
@@ -51,17 +79,34 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     lay_out(a, &arena);
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] = a->carried[i] = a->total[i] = 0.0f;
     palp_assembly_unload(a);
-    palp_posture_rest(&a->posture, zones);
-    palp_assembly_pose(a, a->posture.value, &a->posture.root);
+    for (uint32_t i = 0; i < zones->meta->zones; i++) {
+        if (a->sag[i] != NULL) make_sag(a, i);
+    }
+    palp_posture_rest(a->posture, zones);
+    palp_assembly_pose(a, a->posture->value, &a->posture->root);
     palp_assembly_settle(a);
     return PALP_OK;
 }
 
+palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleration_m_s2) {
+    if (!palp_vec3_is_finite(acceleration_m_s2)) return PALP_ERR_NOT_FINITE;
+    for (uint32_t i = 0; i < assembly->zones->meta->zones; i++) {
+        if (assembly->sag[i] == NULL) return PALP_ERR_ABSENT;
+    }
+    assembly->gravity_m_s2 = acceleration_m_s2;
+    return PALP_OK;
+}
+
+void palp_assembly_calm(palp_assembly *assembly) {
+    palp_assembly_unload(assembly);
+    for (uint32_t i = 0; i < 3u * assembly->seams.modes; i++) assembly->carried[i] = 0.0f;
+}
+
 void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root) {
     palp_assembly *a = assembly;
-    palp_posture_set(&a->posture, a->zones, value, root);
+    palp_posture_set(a->posture, a->zones, value, root);
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
-        a->world[i] = palp_posture_world(&a->posture, i);
+        a->world[i] = palp_posture_world(a->posture, i);
 }
 
 float palp_assembly_drift(const palp_assembly *assembly) {
@@ -69,7 +114,7 @@ float palp_assembly_drift(const palp_assembly *assembly) {
     const palp_seam_factor *f = &a->seams.factor[a->seams.now];
     float most = 0.0f;
     for (uint32_t s = 0; s < a->zones->meta->seams; s++) {
-        float d = palp_frame_distance(&a->posture.relative[s], &f->relative[s],
+        float d = palp_frame_distance(&a->posture->relative[s], &f->relative[s],
                                       a->zones->seam[s].length_m);
         most = palp_max(most, d);
     }
@@ -82,11 +127,11 @@ static void solve_bare(palp_assembly *a, float *w) {
     const palp_seam_factor *f = palp_seams_factor(q);
     a->level = f->diagonal ? PALP_DIAGONAL : f->level;
     float *r = a->total;
-    palp_seams_mismatch(q, &a->posture, f->level, r);
-    palp_seams_gravity(q, &a->posture, f->level,
-                       palp_rotate_back(a->posture.root.r, a->gravity_m_s2), r);
+    palp_seams_mismatch(q, a->posture, f->level, r);
+    palp_seams_gravity(q, a->posture, f->level,
+                       palp_rotate_back(a->posture->root.r, a->gravity_m_s2), r);
     if (!f->diagonal && palp_assembly_drift(a) > 0.0f) {
-        (void)palp_seams_iterate(q, &a->posture, r, PALP_ASSEMBLY_ITERATIONS, w);
+        (void)palp_seams_iterate(q, a->posture, r, PALP_ASSEMBLY_ITERATIONS, w);
         return;
     }
     for (uint32_t i = 0; i < 3u * q->modes; i++) w[i] = r[i];
@@ -95,7 +140,7 @@ static void solve_bare(palp_assembly *a, float *w) {
 
 static void share_out(palp_assembly *a) {
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
-        palp_seams_zone(&a->seams, &a->posture, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
+        palp_seams_zone(&a->seams, a->posture, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
 }
 
 void palp_assembly_settle(palp_assembly *assembly) {
@@ -121,11 +166,15 @@ void palp_assembly_relax(palp_assembly *assembly, float share) {
 palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
     const palp_assembly *a = assembly;
     const palp_blob *b = &a->zones->blob[zone];
+    const palp_frame *world = &a->world[zone];
     palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
-    if (!palp_node_is_fixed(b, node))
-        x = palp_add(x, palp_zone_follow(a->zones, a->seams.finest, zone, palp_node_slot(b, node),
-                                         a->bent[zone]));
-    return palp_carry(&a->world[zone], x);
+    if (palp_node_is_fixed(b, node)) return palp_carry(world, x);
+    uint32_t slot = palp_node_slot(b, node);
+    x = palp_add(x, palp_zone_follow(a->zones, a->seams.finest, zone, slot, a->bent[zone]));
+    if (a->sag[zone] != NULL && palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
+        x = palp_add(x, palp_rotate(a->sag[zone] + 9u * (size_t)slot,
+                                    palp_rotate_back(world->r, a->gravity_m_s2)));
+    return palp_carry(world, x);
 }
 
 palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
@@ -138,8 +187,7 @@ void palp_assembly_push(palp_assembly *assembly, uint32_t zone, uint32_t slot, p
                         float *row, uint64_t *touched) {
     palp_assembly *a = assembly;
     const palp_zone_part *part = &a->zones->part[zone];
-    palp_seams_load(&a->seams, &a->posture, palp_seams_factor(&a->seams)->level, zone, slot, d,
-                    row);
+    palp_seams_load(&a->seams, a->posture, palp_seams_factor(&a->seams)->level, zone, slot, d, row);
     for (uint32_t k = 0; k < part->seams; k++) *touched |= 1ull << part->seam[k];
 }
 
@@ -175,7 +223,7 @@ void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, p
     uint32_t modes = assembly->zones->zone[zone].modes;
     const float *follow = assembly->zones->part[zone].follow + 9u * (size_t)slot * modes;
     float *pushed = assembly->pushed[zone];
-    palp_seams_load(q, &assembly->posture, q->finest, zone, slot, force_N, assembly->load);
+    palp_seams_load(q, assembly->posture, q->finest, zone, slot, force_N, assembly->load);
     for (uint32_t i = 0; i < modes; i++) {
         palp_vec3 p = palp_rotate_back(follow + 9u * i, force_N);
         pushed[3u * i] += p.x;
@@ -226,8 +274,8 @@ void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *for
     palp_seams *q = &a->seams;
     const palp_zone_part *part = &a->zones->part[zone];
     palp_vec3 force = {0.0f, 0.0f, 0.0f}, moment = force;
-    palp_seams_reaction(q, &a->posture, zone, a->total,
-                        palp_rotate_back(a->posture.root.r, a->gravity_m_s2));
+    palp_seams_reaction(q, a->posture, zone, a->total,
+                        palp_rotate_back(a->posture->root.r, a->gravity_m_s2));
     for (uint32_t k = 0; k < part->seams; k++) {
         const palp_seam_entry *e = &a->zones->seam[part->seam[k]];
         for (uint32_t i = 0; i < e->modes; i++) {

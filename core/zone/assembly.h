@@ -19,9 +19,11 @@
 typedef struct {
     const palp_zones *zones;
     palp_seams seams;
-    palp_posture posture;
+    palp_posture *posture;
     palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
-    palp_vec3 gravity_m_s2;           /* world */
+    palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
+    float *sag[PALP_MAX_ZONES];       /* [free slots][9] by unit acceleration; NULL: unknown */
+    float *field;                     /* [most free slots][4], for opening */
     float *w;                         /* seams without contact */
     float *carried;                   /* what a change of level is still held back by, like w */
     float *load, *total, *kept;       /* vectors over the seams */
@@ -41,6 +43,13 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
 /* Takes joint values and the place of zone 0. The seams follow by palp_assembly_settle. */
 void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root);
 
+/* Constant acceleration (world), from the next settling on. Error: ABSENT when a zone has no
+ * gravity response, NOT_FINITE. */
+palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleration_m_s2);
+
+/* Forgets forces and what a change of level held back. */
+void palp_assembly_calm(palp_assembly *assembly);
+
 /* How far the posture has moved off that of the factor in use: largest change of a rotation's entry
  * or of a place over the seam's size. */
 float palp_assembly_drift(const palp_assembly *assembly);
@@ -55,7 +64,8 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level);
 /* Lets what a change of level held back fade; share 0..1. */
 void palp_assembly_relax(palp_assembly *assembly, float share);
 
-/* Where a free node is without contact (world, m), and its rest normal, turned. 9 M and 9. */
+/* Where a free node is without contact (world, m), gravity included, and its rest normal, turned. 9
+ * a mode of the finest level, and 9. */
 palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node);
 palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node);
 

@@ -47,7 +47,7 @@ static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool 
 static void pose(palp_assembly *a, const float *value) {
     const palp_frame at_rest = PALP_FRAME_IDENTITY;
     palp_assembly_pose(a, value, &at_rest);
-    (void)palp_seams_refresh(&a->seams, &a->posture, a->seams.finest);
+    (void)palp_seams_refresh(&a->seams, a->posture, a->seams.finest);
     palp_assembly_settle(a);
 }
 
@@ -66,7 +66,7 @@ static double response(palp_assembly *a, uint32_t zone, uint32_t slot, palp_vec3
     palp_assembly_load(a, loaded_zone, loaded, e);
     const float *total = palp_assembly_total(a);
     for (uint32_t i = 0; i < 3 * a->seams.modes; i++) w[i] = total[i] - a->w[i];
-    palp_seams_spread(&a->seams, &a->posture, FINEST, zone, w, modes);
+    palp_seams_spread(&a->seams, a->posture, FINEST, zone, w, modes);
     double u = (double)palp_dot(d, palp_zone_follow(z, FINEST, zone, slot, modes));
     if (zone == loaded_zone) {
         float block[9];
@@ -150,7 +150,7 @@ static void test_compliance(const zoned *model) {
 
 /* Bending of the seams and contact together. */
 static double energy(palp_assembly *a, const palp_contact *c) {
-    double bent = (double)palp_seams_energy(&a->seams, &a->posture, a->seams.finest, a->w);
+    double bent = (double)palp_seams_energy(&a->seams, a->posture, a->seams.finest, a->w);
     return bent + (c != NULL ? (double)palp_contact_energy(c) : 0);
 }
 
@@ -170,7 +170,7 @@ static void test_moments(const zoned *model) {
             if (k < 2) stored[k] = energy(a, NULL);
         }
         const palp_joint_entry *e = &a->zones->joint[j];
-        const palp_frame *frame = &a->posture.frame[e->parent];
+        const palp_frame *frame = &a->posture->frame[e->parent];
         palp_vec3 axis = palp_rotate(frame->r, palp_vec3_at(e->axis));
         palp_vec3 origin = palp_carry(frame, palp_vec3_at(e->origin_m));
         for (uint32_t z = j + 1; z < 3; z++) {
