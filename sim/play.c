@@ -14,6 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define MOST_TICKS 1000000
+
 static const char help[] =
     "usage: palp play BLOB --scene FILE [-o OUT.csv] [--report OUT.html] [OPTIONS]\n"
     "\n"
@@ -147,8 +149,8 @@ static void open_player(player *p) {
     status = palp_bounded_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
         die(EXIT_WORK,
-            "the least answer may take %.0f us, the budget is %.0f us: a longer --budget-us or a "
-            "lower rate",
+            "the least answer may take %.0f us, the budget is %.0f us: a longer --budget-us, a "
+            "lower rate, or fewer modes by --finest",
             (double)bound_ns * 1e-3, budget);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
     for (uint32_t t = 0; t < p->tools; t++)
@@ -227,6 +229,8 @@ static void run(player *p) {
     const palp_frame rest = PALP_FRAME_IDENTITY;
     double most = -1;
     p->ticks = (size_t)(p->s.seconds * p->s.rate_hz);
+    if (p->ticks > MOST_TICKS)
+        die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
     p->tick = allocate(p->ticks + 1, sizeof *p->tick);
     for (size_t i = 0; i < p->ticks; i++) {
         play_tick *k = &p->tick[i];

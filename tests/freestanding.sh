@@ -27,6 +27,13 @@ if [ "$(uname -m)" = x86_64 ]; then
     doubles=$(objdump -d "$BUILD/libpalp.a" | grep -cE '\b(add|sub|mul|div|sqrt|cvtss2|cvtsi2)sd\b|\b(add|mul|sub|div)pd\b|\bf(ld|st|mul|add)')
     [ "$doubles" -eq 0 ]; ok $? "no double-precision instruction ($doubles)"
 fi
+if [ "$(uname -m)" = x86_64 ]; then
+    for c in core/*/*.c; do
+        gcc -std=c11 -O2 -ffreestanding -fno-math-errno -ffp-contract=off -I. -fstack-usage -c "$c" -o "$work/x.o" && cat "$work/x.su"
+    done > "$work/stack.txt"
+    deep=$(awk '$2 > 4096 {print $1, $2}' "$work/stack.txt")
+    [ -z "$deep" ] && [ -s "$work/stack.txt" ]; ok $? "no call takes more than 4 KiB of stack: $(sort -k2 -n "$work/stack.txt" | tail -1 | awk '{print $1, $2}') $deep"
+fi
 flags="-std=c11 -O2 -ffreestanding -fno-math-errno -ffp-contract=off -I. -Wall -Wextra -Werror"
 try() { # try NAME COMPILER FLAGS...
     name=$1 compiler=$2

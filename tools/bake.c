@@ -48,7 +48,12 @@ static const char help[] =
     "  --threads N             default: all processors\n"
     "\n"
     "IN.model holds the same keys, one per line without dashes, and 'mesh FILE' relative to "
-    "itself.\n";
+    "itself.\n"
+    "For a multizone model also (README): zone NAME, whose keys follow; frame X Y Z RX RY RZ; cut "
+    "A B\n"
+    "POINT NORMAL; labels FILE; seam A B [NODES_A NODES_B]; seam-modes N (fewer make smaller "
+    "blobs);\n"
+    "joint or closure NAME fixed|revolute|prismatic PARENT CHILD, then axis, origin, limits.\n";
 
 #define BAKE_OPTIONS                                                                               \
     BODY_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},                \

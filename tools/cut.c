@@ -242,8 +242,10 @@ void cut_labels(cutting *c, const char *path, uint32_t (*find)(const void *conte
         line = next;
     }
     if (filled < c->m.triangles) {
-        die(EXIT_USAGE, "%s: %" PRIu32 " labels for %" PRIu32 " triangles", path, filled,
-            c->m.triangles);
+        die(EXIT_USAGE,
+            "%s: %" PRIu32 " labels for %" PRIu32
+            " triangles (of the mesh as it is after 'loop' or remeshing: 'as-is' keeps it)",
+            path, filled, c->m.triangles);
     }
     free(text);
 }

@@ -134,7 +134,8 @@ static void check_triangles(const seam_spec *s, const zone_model *z, const mesh 
     }
     for (int k = 0; k < 2; k++) {
         for (uint32_t i = 0; i < count[k]; i++) {
-            const uint32_t *t = list[k][i];
+            uint32_t(*own)[3] = list[k];
+            const uint32_t *t = own[i];
             if (bsearch(t, list[1 - k], count[1 - k], sizeof *list[0], by_three) != NULL) continue;
             die(EXIT_USAGE,
                 "%s: zone '%s' has the triangle %" PRIu32 " %" PRIu32 " %" PRIu32

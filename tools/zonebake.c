@@ -63,6 +63,25 @@ static uint32_t find_label(const void *context, const char *name) {
     return zone_find(context, name);
 }
 
+/* Each zone closed on its own, all of them together the body. */
+static void check_volumes(const zone_bakery *b, double whole) {
+    double sum = 0;
+    for (uint32_t i = 0; i < b->z->zones; i++) {
+        double volume = mesh_volume(&b->zone[i].m);
+        sum += volume;
+        if (!(volume > 1e-6 * whole)) {
+            die(EXIT_WORK,
+                "%s: the cuts leave zone '%s' no inside: each zone must be in one piece, and two "
+                "zones "
+                "may meet at one cut only",
+                b->path, b->z->zone[i].name);
+        }
+    }
+    if (fabs(sum - whole) > 1e-3 * whole)
+        die(EXIT_WORK, "%s: the zones do not add up to the body: a cut closes the wrong way round",
+            b->path);
+}
+
 /* Cuts the whole body. */
 static void cut_body(zone_bakery *b, const body_spec *common) {
     const zone_model *z = b->z;
@@ -84,6 +103,7 @@ static void cut_body(zone_bakery *b, const body_spec *common) {
     b->seams = cut_finish(&c, z->zones, name, part, &b->seam);
     for (uint32_t i = 0; i < z->zones; i++) b->zone[i].m = part[i];
     b->snapped = c.snapped_m;
+    check_volumes(b, mesh_volume(&c.m));
     mesh_free(&c.m);
     free(c.label);
 }
@@ -195,18 +215,44 @@ static void order_seams(zone_bakery *b) {
     b->seam = sorted;
 }
 
-/* Whether zones hang together by seams with bones somewhere: the zone that does not, PALP_NONE. */
+/* Whether the bones of the zones of one group leave it no motion: three nodes off one line. */
+static bool group_is_held(const zone_bakery *b, const uint32_t *group, uint32_t which) {
+    const double *first = NULL, *second = NULL;
+    double apart = 0, off = 0;
+    for (int pass = 0; pass < 3; pass++) {
+        for (uint32_t i = 0; i < b->z->zones; i++) {
+            const zone_data *d = &b->zone[i];
+            for (uint32_t v = 0; v < d->m.vertices && group[i] == which; v++) {
+                if (d->fixed[v] == 0 || d->seam[v] != 0) continue;
+                if (first == NULL) first = d->m.x[v];
+                if (pass == 1 && v_distance(first, d->m.x[v]) > apart) {
+                    second = d->m.x[v];
+                    apart = v_distance(first, second);
+                }
+                if (pass == 2 && second != NULL) {
+                    double n[3];
+                    triangle_normal(first, second, d->m.x[v], n);
+                    off = fmax(off, v_norm(n) / apart);
+                }
+            }
+        }
+    }
+    return off > 1e-6 * b->diagonal;
+}
+
+/* A zone of a group, hanging together by seams, that its bones do not hold; PALP_NONE. */
 static uint32_t loose_zone(const zone_bakery *b) {
-    bool held[PALP_MAX_ZONES];
-    for (uint32_t i = 0; i < b->z->zones; i++) held[i] = b->zone[i].bones > 0;
+    uint32_t group[PALP_MAX_ZONES];
+    for (uint32_t i = 0; i < b->z->zones; i++) group[i] = i;
     for (uint32_t round = 0; round < b->z->zones; round++) {
         for (uint32_t s = 0; s < b->seams; s++) {
-            const uint32_t *zone = b->seam[s].zone;
-            if (held[zone[0]] || held[zone[1]]) held[zone[0]] = held[zone[1]] = true;
+            uint32_t *a = &group[b->seam[s].zone[0]], *c = &group[b->seam[s].zone[1]];
+            if (*a < *c) *c = *a;
+            if (*c < *a) *a = *c;
         }
     }
     for (uint32_t i = 0; i < b->z->zones; i++) {
-        if (!held[i]) return i;
+        if (!group_is_held(b, group, group[i])) return i;
     }
     return PALP_NONE;
 }
@@ -510,7 +556,8 @@ static void report(FILE *f, const zone_bakery *b, size_t size) {
 }
 
 static void save_meshes(const zone_bakery *b, const char *path) {
-    const char *dot = strrchr(path, '.');
+    const char *name_part = strrchr(path, '/');
+    const char *dot = strrchr(name_part != NULL ? name_part : path, '.');
     int stem = dot != NULL ? (int)(dot - path) : (int)strlen(path);
     for (uint32_t i = 0; i < b->z->zones; i++) {
         size_t n = strlen(path) + PALP_NAME_BYTES + 8;
@@ -553,8 +600,9 @@ uint8_t *zone_bake(zone_model *z, const body_spec *common, const build_options *
     uint32_t loose = loose_zone(b);
     if (loose != PALP_NONE) {
         die(EXIT_WORK,
-            "%s: nothing holds zone '%s': give it bone nodes (fix-...), or a seam to a zone that "
-            "has some",
+            "%s: nothing holds zone '%s' against every motion: give it, or a zone that it is "
+            "bonded to, "
+            "three bone nodes off one line (fix-...)",
             path, z->zone[loose].name);
     }
     if (save_mesh != NULL) save_meshes(b, save_mesh);

@@ -29,6 +29,13 @@ static void take_name(char name[PALP_NAME_BYTES], const argument *a) {
         die(EXIT_USAGE, "%s: the name '%s' is longer than %u characters", a->where, a->value[0],
             PALP_NAME_BYTES - 1);
     }
+    for (const char *p = a->value[0]; *p != '\0'; p++) {
+        bool sound = (*p >= 'a' && *p <= 'z') || (*p >= 'A' && *p <= 'Z') ||
+                     (*p >= '0' && *p <= '9') || *p == '_' || *p == '-' || *p == '.';
+        if (!sound)
+            die(EXIT_USAGE, "%s: the name '%s' may hold letters, digits, '_', '-' and '.' only",
+                a->where, a->value[0]);
+    }
     memcpy(name, a->value[0], length + 1);
 }
 
@@ -82,6 +89,8 @@ static void set_limits(joint_spec *j, const argument *a) {
     j->low = arg_double(a, 0);
     j->high = arg_double(a, 1);
     j->has_limits = true;
+    if (!(j->low >= -1e4 && j->high <= 1e4))
+        die(EXIT_USAGE, "%s: limits lie between -10000 and 10000", a->where);
     if (!(j->low <= 0 && j->high >= 0)) {
         die(EXIT_USAGE, "%s: %s to %s leaves out 0, the rest posture", a->where, a->value[0],
             a->value[1]);

@@ -50,8 +50,10 @@ static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
 
 palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
                               void *memory, size_t bytes, float *bound_ns) {
-    palp_bounded b = {
-        .config = *config, .climb_wait = CLIMB_AFTER, .since_climb = HELD * CLIMB_LATEST};
+    palp_bounded b = {.config = *config,
+                      .barred = PALP_NONE,
+                      .climb_wait = CLIMB_AFTER,
+                      .since_climb = HELD * CLIMB_LATEST};
     palp_arena arena = {.base = memory};
     if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     bool positive = config->dt_s > 0.0f && config->cost.ns_per_operation > 0.0f &&
@@ -67,6 +69,7 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
                                  config->pairs, config->limits, config->tools, config->tool_count)
             : palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
     float ns = config->cost.ns_per_operation, least_ns = palp_cost_least(&b.bound) * ns;
+    if (config->assembly != NULL) palp_moving_costs(&b);
     if (config->assembly != NULL)
         least_ns += palp_moving_cost_least(&b, config->limits.max_candidates) * ns;
     b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active) * ns;
@@ -81,6 +84,7 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
 void palp_bounded_reset(palp_bounded *bounded) {
     if (bounded->config.assembly != NULL) palp_assembly_calm(bounded->config.assembly);
     bounded->finer = false;
+    bounded->barred = PALP_NONE;
     palp_ladder_clear(&bounded->ladder);
     palp_coupling_reset(&bounded->coupling);
     bounded->cut_short = 0;

@@ -29,6 +29,11 @@ typedef struct {
     float dt_s;
 } palp_bounded_config;
 
+/* What a level of the seams costs, in operations; fixed at opening. */
+typedef struct {
+    float factor, step, settle, solve, unknowns;
+} palp_seam_cost;
+
 /* How the seams of a multizone model were kept up with its posture (moving.c). */
 typedef struct {
     uint32_t level;   /* of the seams in this answer; PALP_DIAGONAL: the approximation */
@@ -40,8 +45,10 @@ typedef struct {
 typedef struct {
     palp_bounded_config config;
     palp_cost_bound bound;
-    palp_moving_report moving; /* of the last tick */
-    bool finer;                /* a finer factor is under way in spare time */
+    palp_moving_report moving;                       /* of the last tick */
+    palp_seam_cost seam_cost[PALP_SEAM_LEVELS + 1u]; /* of each level, then of the approximation */
+    bool finer;                                      /* a finer factor is under way in spare time */
+    uint32_t barred; /* level that spare time gave up until the posture changes */
     palp_ladder ladder;
     palp_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
     palp_fresh *fresh;         /* [max_new] */
@@ -88,6 +95,7 @@ void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_fra
 /* Of moving.c, for bounded.c. */
 void palp_moving_tick(palp_bounded *bounded, float rest_ns);
 void palp_moving_spare(palp_bounded *bounded);
+void palp_moving_costs(palp_bounded *bounded);
 float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count);
 float palp_bounded_left_ns(const palp_bounded *bounded);
 

@@ -61,8 +61,9 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
                                    palp_contact_limits limits, const palp_tool *tools,
                                    uint32_t tool_count) {
     palp_cost_bound all = palp_cost_of(&zones->blob[0], limits, tools, tool_count);
-    float grid = 0.0f;
+    float grid = 0.0f, largest = 0.0f;
     all.tables = 0;
+    all.pairs = pairs ? 2.0f : 1.0f;
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         palp_cost_bound b = palp_cost_of(&zones->blob[i], limits, tools, tool_count);
         all.ring = palp_max(all.ring, b.ring);
@@ -73,6 +74,7 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
             modes += (float)zones->seam[zones->part[i].seam[k]].level_modes[finest];
         all.modes = palp_max(all.modes, modes);
         grid += b.grid - (float)PALP_CONTACT_SCAN * b.near;
+        largest = palp_max(largest, b.grid - (float)PALP_CONTACT_SCAN * b.near);
     }
     all.bodies = (float)zones->meta->zones;
     float place = 9.0f * all.modes + 40.0f; /* where a node is, its zone's seams displaced */
@@ -80,8 +82,9 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
     all.near += place;
     all.grid = grid + (float)PALP_CONTACT_SCAN * all.near;
     if (pairs) { /* each node that is looked at finds its nearest on every other zone */
+        all.nearest = largest / (float)tool_count + all.row;
         float looks = (float)PALP_CONTACT_PAIR_SCAN * (all.bodies - 1.0f) + all.ring;
-        all.grid += looks * (grid / (all.bodies * (float)tool_count) + 2.0f * place + 60.0f);
+        all.grid += looks * (largest / (float)tool_count + 2.0f * place + 60.0f);
     }
     all.least_candidates = all.limit_candidates;
     all.least_active = all.limit_active;
@@ -91,9 +94,10 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
 float palp_cost_follow(const palp_cost_bound *bound, palp_contact_limits limits, uint32_t count,
                        float unknowns, float solve) {
     float n = (float)count;
-    return n * (30.0f * bound->modes + 0.5f * solve + unknowns + 60.0f) +
-           0.5f * n * n * (unknowns + 8.0f) +
-           4.0f * (float)limits.max_new * n * (LOOKUP + bound->extraction);
+    float aimed = bound->pairs > 1.0f ? (float)limits.max_new : 0.0f;
+    return n * (60.0f * bound->modes + 0.5f * solve + unknowns + 60.0f) +
+           30.0f * bound->modes * bound->limit_active + 0.5f * n * n * (unknowns + 8.0f) +
+           aimed * (bound->nearest + 4.0f * n * (LOOKUP + 2.0f * bound->extraction));
 }
 
 float palp_cost_search(const palp_cost_bound *bound, palp_rung rung, uint32_t count,
@@ -119,7 +123,8 @@ float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t cou
                  bound->seam_row + pairs * bound->unknowns;
     if ((bound->tables >> rung.level & 1u) != 0u)
         return room + pairs * LOOKUP * look_ups(bound, rung);
-    return room + bound->row + (2.0f * pairs - 1.0f) * bound->extraction;
+    float rows = bound->pairs > 1.0f ? 2.0f : 1.0f;
+    return room + rows * bound->row + rows * (2.0f * pairs - 1.0f) * bound->extraction;
 }
 
 float palp_cost_pivot(const palp_cost_bound *bound, uint32_t count, uint32_t active) {

@@ -35,7 +35,8 @@ typedef struct {
     float columns;    /* of the springs: 3 per tool */
     uint32_t tables;  /* bit per level that has one */
     float modes;      /* on the finest level, of the zone that has most; 0: one body */
-    float bodies;
+    float bodies, pairs,
+        nearest;              /* zones; 2 if they touch each other; one look for a nearest node */
     float seam_row, unknowns; /* of the seams' level in use: one candidate's row, its length */
     float ring, limit_active, limit_candidates;
     float least_active, least_candidates; /* most that the coarsest rung can have of either */
@@ -52,8 +53,8 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
 
 /*
  * Moving `count` candidates along on a level of the seams with `unknowns` (palp_seams_cost_solve
- * being `solve`): count (30 modes + solve / 2 + unknowns + 60) + count^2 (unknowns + 8) / 2, and
- * max_new count look-ups for zones that touch each other.
+ * being `solve`): count (60 modes + solve / 2 + unknowns + 60) + 30 modes active + count^2
+ * (unknowns + 8) / 2, and max_new count look-ups for zones that touch each other.
  */
 float palp_cost_follow(const palp_cost_bound *bound, palp_contact_limits limits, uint32_t count,
                        float unknowns, float solve);

@@ -8,23 +8,35 @@ static float time_of(const palp_bounded *b, float operations) {
     return operations * b->config.cost.ns_per_operation;
 }
 
-static float unknowns(const palp_seams *q, uint32_t level) {
-    float sum = 0.0f;
-    for (uint32_t s = 0; s < q->zones->meta->seams; s++)
-        sum += 3.0f * (float)palp_seam_modes(q, s, level);
-    return sum;
+static const palp_seam_cost *cost_at(const palp_bounded *b, uint32_t level) {
+    return &b->seam_cost[level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level];
 }
 
-/* What follows a factor on `level` before the contact can be solved. */
+void palp_moving_costs(palp_bounded *bounded) {
+    const palp_assembly *a = bounded->config.assembly;
+    const palp_seams *q = &a->seams;
+    for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
+        uint32_t level = k == PALP_SEAM_LEVELS ? PALP_DIAGONAL : k;
+        palp_seam_cost c = {.factor = palp_seams_cost_factor(q, level),
+                            .step = palp_seams_cost_step(q, level),
+                            .settle = palp_assembly_cost_settle(a, level),
+                            .solve = palp_seams_cost_solve(q, level)};
+        for (uint32_t s = 0; s < q->zones->meta->seams; s++)
+            c.unknowns += 3.0f * (float)palp_seam_modes(q, s, level);
+        bounded->seam_cost[k] = c;
+    }
+}
+
+/* What follows a factor on `level` before the contact can be solved, and what the forces of the
+ * last tick cost to hand over. */
 static float cost_after(const palp_bounded *b, uint32_t level, uint32_t count) {
-    const palp_assembly *a = b->config.assembly;
-    float solve = palp_seams_cost_solve(&a->seams, level);
-    return 2.0f * palp_assembly_cost_settle(a, level) + 2.0f * solve +
-           palp_cost_follow(&b->bound, b->config.limits, count, unknowns(&a->seams, level), solve);
+    const palp_seam_cost *c = cost_at(b, level);
+    return 2.0f * c->settle + 2.0f * c->solve +
+           palp_cost_follow(&b->bound, b->config.limits, count, c->unknowns, c->solve);
 }
 
 static float cost_of(const palp_bounded *b, uint32_t level, uint32_t count) {
-    return palp_seams_cost_factor(&b->config.assembly->seams, level) + cost_after(b, level, count);
+    return cost_at(b, level)->factor + cost_after(b, level, count);
 }
 
 float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count) {
@@ -40,8 +52,7 @@ void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_fra
 static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     bool smooth = b->moving.drift <= PALP_REUSE_FAR;
     palp_assembly *a = b->config.assembly;
-    float step_ns = time_of(b, palp_seams_cost_factor(&a->seams, level)) /
-                    (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
+    float step_ns = time_of(b, cost_at(b, level)->step);
     palp_seams_begin(&a->seams, a->posture, level);
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
@@ -66,9 +77,9 @@ static void renew(palp_bounded *b, uint32_t from, uint32_t count, float rest_ns)
 static void note_level(palp_bounded *b) {
     palp_assembly *a = b->config.assembly;
     b->moving.level = a->level;
-    b->bound.unknowns = unknowns(&a->seams, a->level);
-    b->bound.seam_row = 30.0f * b->bound.modes + 0.5f * palp_seams_cost_solve(&a->seams, a->level) +
-                        b->bound.unknowns;
+    const palp_seam_cost *c = cost_at(b, a->level);
+    b->bound.unknowns = c->unknowns;
+    b->bound.seam_row = 60.0f * b->bound.modes + 0.5f * c->solve + c->unknowns;
 }
 
 /* A finer factor from spare time, if the posture is still the one that it was made for. */
@@ -77,8 +88,10 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
     const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
     if (!b->finer || f->step < f->steps) return false;
     b->finer = false;
-    if (time_of(b, cost_after(b, f->level, count)) + rest_ns > palp_bounded_left_ns(b))
+    if (time_of(b, cost_after(b, f->level, count)) + rest_ns > palp_bounded_left_ns(b)) {
+        b->barred = f->level;
         return false;
+    }
     return palp_assembly_take(a, true);
 }
 
@@ -104,6 +117,7 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
         b->finer = false;
         if (drift <= PALP_REUSE_FAR)
             palp_assembly_settle(a); /* what a change of level is measured against */
+        b->barred = PALP_NONE;
         renew(b, a->seams.finest, c->count, rest_ns);
         b->moving.renewed = true;
     }
@@ -119,13 +133,14 @@ void palp_moving_spare(palp_bounded *bounded) {
     uint32_t count = palp_ladder_contact(&b->ladder)->count;
     uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;
     if (palp_assembly_drift(a) > PALP_REUSE_NEAR || a->level == q->finest) return;
+    if (b->barred == next) return; /* it was not sound, or not affordable, in this posture */
     float share = b->config.cost.margin * 1e9f * b->config.dt_s;
     if (!b->finer) {
         if (time_of(b, cost_after(b, next, count)) > 0.5f * share) return;
         palp_seams_begin(q, a->posture, next);
         b->finer = true;
     }
-    float step_ns = time_of(b, palp_seams_cost_factor(q, next)) /
-                    (float)(a->zones->meta->seams > 0u ? a->zones->meta->seams : 1u);
+    float step_ns = time_of(b, cost_at(b, next)->step);
     while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
+    if (!q->factor[1u - q->now].sound) b->barred = next;
 }

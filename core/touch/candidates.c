@@ -128,8 +128,8 @@ void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t ou
 
 /* What one evaluation of a tool counts as. */
 static uint32_t evaluation(const palp_contact *c, uint32_t tool) {
-    if (tool == PALP_ZONE_TOOL) return 60u;
-    return c->tools[tool].balls > 0u ? 60u * c->tools[tool].balls : 160u;
+    if (tool == PALP_ZONE_TOOL) return 60u + c->place_work;
+    return c->place_work + (c->tools[tool].balls > 0u ? 60u * c->tools[tool].balls : 160u);
 }
 
 static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
@@ -237,8 +237,14 @@ static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth)
     p->found = last + 1u;
 }
 
+/* An idle candidate of another zone makes way for a tool. */
+static bool gives_way(const palp_contact *c, uint32_t candidate) {
+    return c->candidate[candidate].tool == PALP_ZONE_TOOL && !palp_contact_is_active(c, candidate);
+}
+
 static void propose_one(palp_contact *c, proposals *p, palp_fresh fresh) {
-    if (c->place[c->first_slot[fresh.body] + fresh.slot] != 0u) return;
+    uint16_t taken = c->place[c->first_slot[fresh.body] + fresh.slot];
+    if (taken != 0u && !gives_way(c, taken - 1u)) return;
     uint32_t node = palp_contact_blob(c, fresh.body)->domain[PALP_FREE].node[fresh.slot];
     palp_touch at = palp_tool_at(&c->tools[fresh.tool], p->center[fresh.tool],
                                  palp_contact_place(c, fresh.body, node),
@@ -275,7 +281,7 @@ static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
 
 static void propose_neighbours(palp_contact *c, proposals *p, const palp_candidate *k) {
     const palp_blob *b = palp_contact_blob(c, k->body);
-    if (k->tool == PALP_ZONE_TOOL) return; /* pairs.c */
+    if (k->tool == PALP_ZONE_TOOL) return; /* follow.c */
     if (k->level + 1u < b->meta->levels) {
         uint32_t near[MAX_NEIGHBOURS];
         uint32_t n =
@@ -516,7 +522,8 @@ static bool make_room(palp_contact *c, float depth_m) {
 }
 
 /* The row of W^-1 for a place on a body; true where a table makes it needless. */
-static bool make_row(palp_contact *c, uint32_t body, uint32_t slot, palp_row *row) {
+bool palp_contact_make_row(palp_contact *contact, uint32_t body, uint32_t slot, palp_row *row) {
+    palp_contact *c = contact;
     const palp_blob *b = palp_contact_blob(c, body);
     uint32_t level = level_in(c, body);
     return b->level[level].table != NULL ||
@@ -549,15 +556,17 @@ void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
                                          : palp_contact_level_of(c, fresh.slot, fresh.tool);
     uint16_t *place = &c->place[c->first_slot[fresh.body] + fresh.slot];
     size_t stride = c->limits.max_candidates;
+    if (*place != 0u && fresh.tool != PALP_ZONE_TOOL && gives_way(c, *place - 1u))
+        drop(c, *place - 1u);
     if (*place != 0u || level == PALP_MAX_LEVELS) return;
     palp_candidate made = describe(c, fresh, level);
     if (c->count == c->limits.max_candidates && !make_room(c, made.at.depth_m)) return;
     uint32_t i = c->count;
     palp_candidate *k = &c->candidate[i];
     *k = made;
-    bool fits = make_row(c, k->body, k->slot, &c->row[i]) &&
+    bool fits = palp_contact_make_row(c, k->body, k->slot, &c->row[i]) &&
                 (k->tool != PALP_ZONE_TOOL ||
-                 make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
+                 palp_contact_make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
     if (!fits) { /* a blob that understates max_row */
         c->flags |= PALP_CONTACT_CANDIDATES_FULL;
         return;

@@ -101,7 +101,8 @@ typedef struct {
     palp_assembly *assembly; /* NULL: one body at rest */
     const float *position_m; /* [nodes][3] surface without contact, of the only body */
     const palp_tool *tools;
-    float size_m[PALP_MAX_TOOLS + 1u]; /* palp_tool_size of each; mean edge for PALP_ZONE_TOOL */
+    float size_m[PALP_MAX_TOOLS +
+                 1u]; /* palp_tool_size of each; largest mean edge for PALP_ZONE_TOOL */
     uint32_t tool_count, bodies, level;
     uint32_t first_slot[PALP_MAX_ZONES + 1u]; /* of each body in `place` */
     uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
@@ -115,6 +116,7 @@ typedef struct {
     float *seam_row;           /* [max_candidates][seam_width] y of each candidate */
     uint64_t *touched;         /* [max_candidates] its seams */
     uint32_t seam_width, pair_scan, renewed;
+    uint32_t place_work;  /* operations to say where a node of a zone is */
     bool pairs;           /* zones touch each other */
     float *factor;        /* [max_active][max_active] R, C = R^T R */
     uint32_t *active;     /* [max_active] candidate of each row of R */
@@ -225,6 +227,7 @@ palp_touch palp_contact_see(const palp_contact *contact, const palp_candidate *c
 const palp_blob *palp_contact_blob(const palp_contact *contact, uint32_t body);
 uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_vec3 rest_m,
                               uint32_t nearest);
+bool palp_contact_make_row(palp_contact *contact, uint32_t body, uint32_t slot, palp_row *row);
 void palp_contact_aim(const palp_contact *contact, palp_candidate *candidate);
 void palp_contact_join(palp_contact *contact, uint32_t candidate);
 void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t longest,

@@ -77,6 +77,13 @@ palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assemb
         return PALP_ERR_MEMORY;
     c.assembly = assembly;
     c.pairs = pairs;
+    for (uint32_t i = 0; i < c.bodies; i++) {
+        uint32_t modes = 0;
+        for (uint32_t k = 0; k < z->part[i].seams; k++)
+            modes += z->seam[z->part[i].seam[k]].level_modes[assembly->seams.finest];
+        if (9u * modes + 40u > c.place_work) c.place_work = 9u * modes + 40u;
+        c.size_m[PALP_ZONE_TOOL] = palp_max(c.size_m[PALP_ZONE_TOOL], z->blob[i].meta->mean_edge_m);
+    }
     palp_contact_lay_out(&c, &arena, longest_row(z), most_slots(z));
     palp_contact_clean(&c, most_slots(z));
     *contact = c;
@@ -188,13 +195,36 @@ void palp_contact_join(palp_contact *contact, uint32_t candidate) {
     }
 }
 
+/* Looks for the node that a pair's own one is before now, unless they are pressed together and
+ * still meet, and aims at it; false if it has no row. */
+static bool aim_anew(palp_contact *c, uint32_t candidate) {
+    palp_candidate *k = &c->candidate[candidate];
+    const palp_blob *b = palp_contact_blob(c, k->facing.body);
+    palp_vec3 rest = palp_carry_back(&c->assembly->world[k->facing.body],
+                                     palp_contact_place(c, k->body, k->node));
+    uint32_t nearest = palp_contact_nearest(c, k->facing.body, rest, k->facing.node);
+    uint32_t before = k->facing.node;
+    bool pressed = palp_contact_is_active(c, candidate) && k->at.reach <= 1.0f;
+    if (!pressed && !palp_node_is_fixed(b, nearest)) k->facing.node = nearest;
+    palp_contact_aim(c, k);
+    c->work_done += 2u * c->place_work + 8u * b->meta->max_ring;
+    if (k->facing.node == before) return true;
+    /* What it is asked for stays as it was; the difference is relieved. */
+    float asked = k->at.depth_m - k->relief_m;
+    k->at = palp_contact_see(c, k, c->about);
+    k->relief_m = k->at.depth_m - asked;
+    if (!palp_contact_is_active(c, candidate)) k->relief_m = palp_max(k->relief_m, 0.0f);
+    return palp_contact_make_row(c, k->facing.body, k->facing.slot,
+                                 &c->row[c->limits.max_candidates + candidate]);
+}
+
 /* Pairs whose zones have turned are aimed anew, a few at a time. */
 static void renew_pairs(palp_contact *c) {
     uint32_t left = c->limits.max_new;
     for (uint32_t k = 0; k < c->count && left > 0u; k++) {
         c->renewed = c->renewed + 1u < c->count ? c->renewed + 1u : 0u;
         if (c->candidate[c->renewed].tool != PALP_ZONE_TOOL) continue;
-        palp_contact_aim(c, &c->candidate[c->renewed]);
+        if (!aim_anew(c, c->renewed)) continue;
         for (uint32_t j = 0; j < c->count; j++) cache_local(c, c->renewed, j);
         left--;
     }
@@ -202,13 +232,15 @@ static void renew_pairs(palp_contact *c) {
 
 void palp_contact_follow(palp_contact *contact) {
     palp_contact *c = contact;
-    if (c->assembly == NULL) return;
+    const palp_assembly *a = c->assembly;
+    if (a == NULL) return;
     renew_pairs(c);
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         k->x = palp_contact_place(c, k->body, k->node);
-        k->n = palp_rotate(c->assembly->world[k->body].r, k->d);
+        k->n = palp_rotate(a->world[k->body].r, k->d);
         cache_row(c, i);
+        c->work_done += c->place_work;
     }
     for (uint32_t i = 0; i < c->count; i++) {
         for (uint32_t j = 0; j <= i; j++) cache_total(c, i, j);
@@ -238,7 +270,7 @@ static bool faces(palp_contact *c, uint32_t body, uint32_t node, uint32_t other,
     palp_vec3 x = palp_contact_place(c, body, node);
     palp_vec3 rest = palp_carry_back(&c->assembly->world[other], x);
     const float at[3] = {rest.x, rest.y, rest.z};
-    c->work_done += 60u;
+    c->work_done += 60u + c->place_work;
     for (uint32_t k = 0; k < 3; k++) {
         if (at[k] < b->meta->box_min_m[k] - 2.0f * size ||
             at[k] > b->meta->box_max_m[k] + 2.0f * size)

@@ -33,11 +33,10 @@ static uint32_t count_modes(const palp_zones *z, uint32_t finest) {
 
 size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
     palp_arena arena = {0};
-    palp_assembly a;
+    palp_assembly a = {.zones = zones};
     size_t seams = palp_seams_memsize(zones, finest);
     if (seams == 0u) return 0;
     (void)palp_take(&arena, seams, 1);
-    a.zones = zones;
     a.seams.modes = count_modes(zones, finest);
     lay_out(&a, &arena);
     return arena.used;
@@ -153,7 +152,9 @@ void palp_assembly_settle(palp_assembly *assembly) {
 float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level) {
     const palp_assembly *a = assembly;
     float modes = 0.0f;
-    for (uint32_t i = 0; i < a->zones->meta->zones; i++) modes += (float)a->zones->zone[i].modes;
+    for (uint32_t i = 0; i < a->zones->meta->zones;
+         i++) /* mismatch of each seam, product, shares */
+        modes += (float)a->zones->zone[i].modes * (float)a->zones->part[i].seams;
     return (1.0f + (float)PALP_ASSEMBLY_ITERATIONS) * palp_seams_cost_solve(&a->seams, level) +
            (9.0f * PALP_AFFINE_MODES + 40.0f) * modes;
 }
@@ -224,6 +225,7 @@ void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, p
     const float *follow = assembly->zones->part[zone].follow + 9u * (size_t)slot * modes;
     float *pushed = assembly->pushed[zone];
     palp_seams_load(q, assembly->posture, q->finest, zone, slot, force_N, assembly->load);
+    q->work_done += 9u * modes;
     for (uint32_t i = 0; i < modes; i++) {
         palp_vec3 p = palp_rotate_back(follow + 9u * i, force_N);
         pushed[3u * i] += p.x;

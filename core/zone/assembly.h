@@ -79,7 +79,8 @@ void palp_assembly_sweep(palp_assembly *assembly, float *row, uint64_t *touched)
 float palp_assembly_dot(const palp_assembly *assembly, const float *a, uint64_t in_a,
                         const float *b, uint64_t in_b);
 
-/* Seams under forces: load is cleared, force added for each push, then total = w + A^-1 load. */
+/* Seams under forces: load is cleared, force added for each push, then total = w + A^-1 load,
+ * valid until the next settling. */
 void palp_assembly_unload(palp_assembly *assembly);
 void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 force_N);
 const float *palp_assembly_total(palp_assembly *assembly);
@@ -94,7 +95,8 @@ bool palp_assembly_take(palp_assembly *assembly, bool smooth);
 /*
  * What the elastic model does to the link of `zone` through its seams: force (N) and moment (Nm)
  * about the world's origin, world frame, under the total displacements. Minus the work that links
- * do on it. Forces of tools on the zone's surface come on top.
+ * do on it. Forces of tools on the zone's surface come on top. Comes
+ * behind palp_assembly_total, whose result it reads.
  */
 void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *force_N,
                           palp_vec3 *moment_Nm);

@@ -144,6 +144,7 @@ void palp_seams_load(palp_seams *seams, const palp_posture *posture, uint32_t le
         q->work_done += 9u * (end - part->first[k]);
     }
     gather(q, posture->relative, level, zone, 1.0f, q->zone_forces, r);
+    q->work_done += 12u * q->zones->zone[zone].modes;
 }
 
 void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
@@ -204,6 +205,7 @@ static void product(palp_seams *q, const palp_posture *posture, uint32_t level, 
         spread(q, posture->relative, level, z, p, false, q->zone_modes);
         stiffness(q, z, level, q->zone_modes, q->zone_forces);
         gather(q, posture->relative, level, z, 1.0f, q->zone_forces, out);
+        q->work_done += 24u * q->zones->zone[z].modes;
     }
 }
 

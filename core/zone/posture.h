@@ -21,8 +21,9 @@ typedef struct {
 
 /*
  * Poses the model. Values out of their limits are clamped and counted; those that are not numbers
- * leave the joint where it was. Values of fixed joints and of closures are ignored. Cost: about 200
- * operations a zone.
+ * leave the joint where it was, as does a `root` that is no motion; so begin with
+ * palp_posture_rest. Values of fixed joints and of closures are ignored. Cost: about 200 operations
+ * a zone.
  */
 void palp_posture_set(palp_posture *posture, const palp_zones *zones, const float *value,
                       const palp_frame *root);

@@ -142,7 +142,7 @@ static void add_zone(palp_seams *q, const palp_seam_factor *f, uint32_t zone, ui
             for (uint32_t e = 0; e < 9; e++) at[e / 3u * 3u * columns + e % 3u] += k[e];
         }
     }
-    q->work_done += (s == t ? 31ull : 63ull) * rows * columns;
+    q->work_done += (s == t ? 36ull : 63ull) * rows * columns;
 }
 
 /* Assembles the blocks of row s. */
@@ -354,22 +354,40 @@ void palp_seams_solve(palp_seams *seams, float *x) {
 
 /* ---- costs ---- */
 
-float palp_seams_cost_factor(const palp_seams *seams, uint32_t level) {
-    const palp_seams *q = seams;
-    float sum = 0.0f;
-    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
-        float n = (float)unknowns(q, s, level);
-        sum += n * n * n / 6.0f + 2.0f * n * n;
-        if (level == PALP_DIAGONAL) continue;
-        sum += 14.0f * n * n; /* both zones' part of the diagonal block, turned */
-        for (uint32_t k = 0; k < q->link[s].count; k++) {
-            float m = (float)unknowns(q, q->link[s].other[k], level);
-            sum += 9.0f * n * m + 0.5f * n * n * m + 2.0f * n * m;
-            for (uint32_t i = k; i < q->link[s].count; i++)
-                sum += n * m * (float)unknowns(q, q->link[s].other[i], level);
-        }
+/* Assembling row s: both zones' part of the diagonal block, turned, and up to two shared zones in
+ * each other one; eliminating it. */
+static float cost_row(const palp_seams *q, uint32_t s, uint32_t level) {
+    float n = (float)unknowns(q, s, level), sum = 16.0f * n * n;
+    for (uint32_t k = 0; k < q->link[s].count; k++)
+        sum += 15.0f * n * (float)unknowns(q, q->link[s].other[k], level);
+    return sum;
+}
+
+static float cost_eliminate(const palp_seams *q, uint32_t s, uint32_t level) {
+    float n = (float)unknowns(q, s, level), sum = n * n * n / 6.0f + 2.0f * n * n;
+    for (uint32_t k = 0; k < q->link[s].count && level != PALP_DIAGONAL; k++) {
+        float m = (float)unknowns(q, q->link[s].other[k], level);
+        sum += 0.5f * n * n * m + n * m;
+        for (uint32_t i = k; i < q->link[s].count; i++)
+            sum += n * m * (float)unknowns(q, q->link[s].other[i], level);
     }
     return sum;
+}
+
+float palp_seams_cost_factor(const palp_seams *seams, uint32_t level) {
+    float sum = 0.0f;
+    for (uint32_t s = 0; s < seams->zones->meta->seams; s++) {
+        sum += cost_eliminate(seams, s, level);
+        if (level != PALP_DIAGONAL) sum += cost_row(seams, s, level);
+    }
+    return sum;
+}
+
+float palp_seams_cost_step(const palp_seams *seams, uint32_t level) {
+    float most = 0.0f;
+    for (uint32_t s = 0; s < seams->zones->meta->seams; s++)
+        most = palp_max(most, palp_max(cost_row(seams, s, level), cost_eliminate(seams, s, level)));
+    return most;
 }
 
 float palp_seams_cost_solve(const palp_seams *seams, uint32_t level) {

@@ -95,8 +95,9 @@ bool palp_seams_take(palp_seams *seams);
 /* All of that. Errors: NOT_SPD, the factor in use then stays. */
 palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level);
 
-/* Multiply-adds of all steps on `level`, at most. */
+/* Multiply-adds of all steps on `level`, and of the longest one, at most. */
 float palp_seams_cost_factor(const palp_seams *seams, uint32_t level);
+float palp_seams_cost_step(const palp_seams *seams, uint32_t level);
 /* Of one solve on it, one matrix product included. */
 float palp_seams_cost_solve(const palp_seams *seams, uint32_t level);
 

@@ -65,7 +65,8 @@ static void check_seam(palp_reader *r, const palp_zones *z, uint32_t s) {
     palp_reader_require(r, e->joint < z->meta->joints);
     if (r->status != PALP_OK) return;
     const palp_joint_entry *j = &z->joint[e->joint];
-    palp_reader_require(r, j->parent == e->zone[0] && j->child == e->zone[1] && j->closure == 0u);
+    palp_reader_require(r, j->parent == e->zone[0] && j->child == e->zone[1] &&
+                               z->zone[e->zone[1]].joint == e->joint);
 }
 
 static void read_seams(palp_reader *r, palp_zones *z) {
@@ -115,7 +116,8 @@ static void read_zone(palp_reader *r, palp_zones *z, uint32_t i) {
         return;
     }
     const palp_meta *m = z->blob[i].meta;
-    palp_reader_require(r, !palp_blob_has(&z->blob[i], PALP_META_SCALAR));
+    palp_reader_require(r, !palp_blob_has(&z->blob[i], PALP_META_SCALAR) &&
+                               m->constraint_level + 1u == m->levels);
     for (uint32_t k = 0; k < p->seams; k++) {
         p->first[k] = modes;
         modes += z->seam[p->seam[k]].modes;
