@@ -40,7 +40,7 @@ static const char help[] =
     "surface\n"
     "  --detail-levels K       Loop steps of that surface, 1 to 3 (default 1)\n"
     "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
-    "(default 8)\n"
+    "(default 8; of each zone 64)\n"
     "  --storage f32|f16       how columns are stored (default f32)\n"
     "  --reciprocity enforce|raw   raw keeps the unsymmetric collocation result (study only)\n"
     "  --compliance FILE.npy   use this compliance matrix (m/N) in place of the solver\n"
@@ -69,7 +69,7 @@ typedef struct {
     body_spec body;
     zone_model zones;
     const char *input, *output, *save_mesh, *detail;
-    bool half, raw, level_chosen, in_file;
+    bool half, raw, level_chosen, in_file, table_given;
     uint32_t constraint_level, detail_levels;
     double epsilon, table_mb;
     wavelet wavelet;
@@ -105,6 +105,7 @@ static void set_option(void *context, const argument *a) {
         s->rule = arg_word(a, rules) == 1 ? THRESHOLD_GLOBAL : THRESHOLD_COLUMN;
     } else if (strcmp(o, "--table-mb") == 0) {
         s->table_mb = arg_double(a, 0);
+        s->table_given = true;
         if (!(s->table_mb >= 0 && s->table_mb <= 4000)) {
             die(EXIT_USAGE, "%s: %s is out of range: need 0 to 4000", a->where, a->value[0]);
         }
@@ -239,7 +240,7 @@ static int bake_zones(bake_spec *s, output *out, double start) {
     FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
     build_options build = {.wavelet = s->wavelet,
                            .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
-                           .table_bytes = s->table_mb * 1e6};
+                           .table_bytes = (s->table_given ? s->table_mb : 64) * 1e6};
     if (s->raw || s->detail != NULL || s->level_chosen)
         die(EXIT_USAGE, "--reciprocity raw, --detail and --constraint-level are for one zone only");
     size_t size;

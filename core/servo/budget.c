@@ -30,7 +30,8 @@ static float most_in_block(const palp_blob *b) {
 palp_cost_bound palp_cost_of(const palp_blob *blob, palp_contact_limits limits,
                              const palp_tool *tools, uint32_t tool_count) {
     const palp_meta *m = blob->meta;
-    palp_cost_bound b = {.fixed = FRAMES_AND_POSE,
+    palp_cost_bound b = {.pairs = 1.0f,
+                         .fixed = FRAMES_AND_POSE,
                          .pair = limits.friction ? 22.0f : 5.0f,
                          .columns = 3.0f * (float)tool_count};
     float candidates = (float)limits.max_candidates, active = (float)limits.max_active;
@@ -62,13 +63,17 @@ palp_cost_bound palp_cost_of_zones(const palp_zones *zones, uint32_t finest, boo
                                    uint32_t tool_count) {
     palp_cost_bound all = palp_cost_of(&zones->blob[0], limits, tools, tool_count);
     float grid = 0.0f, largest = 0.0f;
-    all.tables = 0;
+    all.tables = UINT32_MAX;
+    all.row = all.extraction = 0.0f;
     all.pairs = pairs ? 2.0f : 1.0f;
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         palp_cost_bound b = palp_cost_of(&zones->blob[i], limits, tools, tool_count);
         all.ring = palp_max(all.ring, b.ring);
-        all.row = palp_max(all.row, b.row);
-        all.extraction = palp_max(all.extraction, b.extraction);
+        if ((b.tables >> zones->blob[i].meta->constraint_level & 1u) == 0u) { /* look-ups fail */
+            all.tables = 0;
+            all.row = palp_max(all.row, b.row);
+            all.extraction = palp_max(all.extraction, b.extraction);
+        }
         float modes = 0.0f;
         for (uint32_t k = 0; k < zones->part[i].seams; k++)
             modes += (float)zones->seam[zones->part[i].seam[k]].level_modes[finest];
@@ -122,7 +127,7 @@ float palp_cost_admit(const palp_cost_bound *bound, palp_rung rung, uint32_t cou
     float room = 4.0f * bound->tool + pairs * (bound->limit_active + bound->pair + 2.0f) +
                  bound->seam_row + pairs * bound->unknowns;
     if ((bound->tables >> rung.level & 1u) != 0u)
-        return room + pairs * LOOKUP * look_ups(bound, rung);
+        return room + pairs * LOOKUP * look_ups(bound, rung) * bound->pairs * bound->pairs;
     float rows = bound->pairs > 1.0f ? 2.0f : 1.0f;
     return room + rows * bound->row + rows * (2.0f * pairs - 1.0f) * bound->extraction;
 }
