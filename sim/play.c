@@ -204,13 +204,10 @@ static void take_picture(player *p) {
             memcpy(p->place[i] + 3 * (size_t)n, at, sizeof at);
         }
         for (uint32_t k = 0; k < p->z->part[i].seams; k++) { /* seam nodes by their modes */
-            uint32_t s = p->z->part[i].seam[k], first = p->z->part[i].first[k];
+            uint32_t s = p->z->part[i].seam[k];
             const palp_seam_entry *e = &p->z->seam[s];
             for (uint32_t n = 0; n < e->nodes; n++) {
-                palp_vec3 u = {0.0f, 0.0f, 0.0f};
-                for (uint32_t m = 0; m < e->modes; m++)
-                    u = palp_madd(u, p->z->seam_mode[s][(size_t)n * e->modes + m],
-                                  palp_vec3_at(modes + 3 * (first + m)));
+                palp_vec3 u = palp_zone_at_seam(p->z, i, k, n, modes);
                 uint32_t node = p->z->seam_node[s][2 * n + (e->zone[0] == i ? 0 : 1)];
                 palp_vec3 x = palp_carry(&p->a->world[i],
                                          palp_add(palp_vec3_at(b->rest_m + 3 * (size_t)node), u));

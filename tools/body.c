@@ -95,29 +95,28 @@ void body_require(const body_spec *s) {
 
 /* ---- fixed nodes ---- */
 
-static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
-    size_t bytes;
-    char *text = read_file(f->file, &bytes);
-    size_t line = 0;
-    for (char *p = text; p != NULL;) {
-        char *next = strchr(p, '\n');
-        if (next != NULL) *next++ = '\0';
-        line++;
-        p[strcspn(p, "#\r")] = '\0';
-        p += strspn(p, " \t");
-        size_t length = strlen(p);
-        while (length > 0 && (p[length - 1] == ' ' || p[length - 1] == '\t')) p[--length] = '\0';
-        uint32_t node;
-        if (*p != '\0') {
-            if (!parse_u32(p, &node) || node >= nodes) {
-                die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, f->file, line, p,
-                    nodes - 1);
-            }
-            fixed[node] = 1;
+uint32_t *body_node_list(const char *path, uint32_t nodes, uint32_t *count) {
+    size_t bytes, number = 0, room = 0;
+    char *text = read_file(path, &bytes), *cursor = text;
+    uint32_t *list = NULL;
+    *count = 0;
+    for (char *line; (line = next_line(&cursor, &number)) != NULL;) {
+        if (*line == '\0') continue;
+        list = grow(list, &room, *count + 1u, sizeof *list);
+        if (!parse_u32(line, &list[*count]) || list[*count] >= nodes) {
+            die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, path, number, line,
+                nodes - 1);
         }
-        p = next;
+        (*count)++;
     }
     free(text);
+    return list;
+}
+
+static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
+    uint32_t count, *list = body_node_list(f->file, nodes, &count);
+    for (uint32_t i = 0; i < count; i++) fixed[list[i]] = 1;
+    free(list);
 }
 
 static bool selects(const fix *f, const double x[3]) {

@@ -52,6 +52,9 @@ void body_require(const body_spec *s);
 /* Loads, remeshes or subdivides; exits if the mesh is not closed or too large. */
 mesh body_mesh(const body_spec *s);
 
+/* Nodes from a file, one per line, each below `nodes`; exits 2 with the line. To be freed. */
+uint32_t *body_node_list(const char *path, uint32_t nodes, uint32_t *count);
+
 /* Exits unless the material is given. */
 void body_require_material(const body_spec *s);
 

@@ -222,24 +222,17 @@ void cut_plane(cutting *c, uint32_t from, uint32_t to, const double point[3],
 void cut_labels(cutting *c, const char *path, uint32_t (*find)(const void *context, const char *),
                 const void *context) {
     size_t bytes, number = 0;
-    char *text = read_file(path, &bytes);
+    char *text = read_file(path, &bytes), *cursor = text;
     uint32_t filled = 0;
-    for (char *line = text; line != NULL;) {
-        char *next = strchr(line, '\n');
-        if (next != NULL) *next++ = '\0';
-        number++;
-        line += strspn(line, " \t");
-        line[strcspn(line, " \t\r#")] = '\0';
-        if (*line != '\0') {
-            uint32_t zone = find(context, line);
-            if (zone == NOBODY) die(EXIT_USAGE, "%s:%zu: no zone named '%s'", path, number, line);
-            if (filled == c->m.triangles) {
-                die(EXIT_USAGE, "%s:%zu: more labels than the %" PRIu32 " triangles of the mesh",
-                    path, number, c->m.triangles);
-            }
-            c->label[filled++] = zone;
+    for (char *line; (line = next_line(&cursor, &number)) != NULL;) {
+        if (*line == '\0') continue;
+        uint32_t zone = find(context, line);
+        if (zone == NOBODY) die(EXIT_USAGE, "%s:%zu: no zone named '%s'", path, number, line);
+        if (filled == c->m.triangles) {
+            die(EXIT_USAGE, "%s:%zu: more labels than the %" PRIu32 " triangles of the mesh", path,
+                number, c->m.triangles);
         }
-        line = next;
+        c->label[filled++] = zone;
     }
     if (filled < c->m.triangles) {
         die(EXIT_USAGE,

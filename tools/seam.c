@@ -11,35 +11,10 @@
 
 /* ---- matching ---- */
 
-static uint32_t *read_nodes(const char *path, uint32_t nodes, uint32_t *count) {
-    size_t bytes, number = 0, room = 0;
-    char *text = read_file(path, &bytes);
-    uint32_t *list = NULL;
-    *count = 0;
-    for (char *line = text; line != NULL;) {
-        char *next = strchr(line, '\n');
-        if (next != NULL) *next++ = '\0';
-        number++;
-        line += strspn(line, " \t");
-        line[strcspn(line, " \t\r#")] = '\0';
-        if (*line != '\0') {
-            list = grow(list, &room, *count + 1u, sizeof *list);
-            if (!parse_u32(line, &list[*count]) || list[*count] >= nodes) {
-                die(EXIT_USAGE, "%s:%zu: '%s' is not a node from 0 to %" PRIu32, path, number, line,
-                    nodes - 1);
-            }
-            (*count)++;
-        }
-        line = next;
-    }
-    free(text);
-    return list;
-}
-
 static void listed(const seam_spec *s, const zone_model *z, const mesh *const side[2],
                    seam_list *l) {
     uint32_t count[2], *list[2];
-    for (int k = 0; k < 2; k++) list[k] = read_nodes(s->list[k], side[k]->vertices, &count[k]);
+    for (int k = 0; k < 2; k++) list[k] = body_node_list(s->list[k], side[k]->vertices, &count[k]);
     if (count[0] != count[1]) {
         die(EXIT_USAGE,
             "%s: the lists have different lengths, %" PRIu32 " nodes of '%s' and %" PRIu32

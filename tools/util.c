@@ -151,6 +151,21 @@ void commit_output(output *out) {
     free(out->temporary);
 }
 
+char *next_line(char **cursor, size_t *number) {
+    char *line = *cursor;
+    if (line == NULL) return NULL;
+    char *end = strchr(line, '\n');
+    *cursor = end != NULL ? end + 1 : NULL;
+    if (end != NULL) *end = '\0';
+    (*number)++;
+    line[strcspn(line, "#\r")] = '\0';
+    line += strspn(line, " \t");
+    size_t length = strlen(line);
+    while (length > 0 && (line[length - 1] == ' ' || line[length - 1] == '\t'))
+        line[--length] = '\0';
+    return line;
+}
+
 bool parse_double(const char *text, double *value) {
     char *end;
     *value = strtod(text, &end);

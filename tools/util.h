@@ -43,6 +43,10 @@ typedef struct {
 output open_output(const char *path);
 void commit_output(output *out);
 
+/* The next line of a text that is cut up on the way, without its comment (#) and the blanks around
+ * it; NULL at the end. `number` counts. */
+char *next_line(char **cursor, size_t *number);
+
 /* Strict number parsing: the whole text must be one finite number. */
 bool parse_double(const char *text, double *value);
 bool parse_u32(const char *text, uint32_t *value);

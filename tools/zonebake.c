@@ -156,17 +156,11 @@ static void find_seams(zone_bakery *b) {
 
 /* ---- graph ---- */
 
-static uint32_t depth_of(const zone_model *z, uint32_t zone) {
-    uint32_t depth = 0;
-    for (; z->zone[zone].joint != PALP_NONE; depth++) zone = z->joint[z->zone[zone].joint].parent;
-    return depth;
-}
-
 /* The first zone of each seam is the one nearer to the root. */
 static void orient_seams(zone_bakery *b) {
     for (uint32_t s = 0; s < b->seams; s++) {
         seam_list *l = &b->seam[s];
-        uint32_t d0 = depth_of(b->z, l->zone[0]), d1 = depth_of(b->z, l->zone[1]);
+        uint32_t d0 = zone_depth(b->z, l->zone[0]), d1 = zone_depth(b->z, l->zone[1]);
         if (d0 < d1 || (d0 == d1 && l->zone[0] < l->zone[1])) continue;
         uint32_t swap = l->zone[0];
         l->zone[0] = l->zone[1];

@@ -172,8 +172,7 @@ static void find_parents(zone_model *z) {
     }
 }
 
-/* How many joints lie between a zone and the root; exits when they run in a circle. */
-static uint32_t depth_of(const zone_model *z, uint32_t zone) {
+uint32_t zone_depth(const zone_model *z, uint32_t zone) {
     uint32_t depth = 0;
     const char *where = "";
     for (; z->zone[zone].joint != PALP_NONE; depth++) {
@@ -195,7 +194,7 @@ void zone_model_check(zone_model *z, const char *path) {
     find_parents(z);
     uint32_t deepest = 0, roots = 0;
     for (uint32_t i = 0; i < z->zones; i++) {
-        depth[i] = depth_of(z, i);
+        depth[i] = zone_depth(z, i);
         if (depth[i] > deepest) deepest = depth[i];
         roots += depth[i] == 0;
     }

@@ -66,6 +66,9 @@ body_spec *zone_body(zone_model *z, body_spec *common);
  */
 void zone_model_check(zone_model *z, const char *path);
 
+/* How many joints lie between a zone and the root; exits when they run in a circle. */
+uint32_t zone_depth(const zone_model *z, uint32_t zone);
+
 /* The zone of that name, PALP_NONE. */
 uint32_t zone_find(const zone_model *z, const char *name);
 

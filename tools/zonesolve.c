@@ -308,14 +308,11 @@ static void add_seams(problem *p, uint32_t zone, const float *w) {
         to[2] += v.z;
     }
     for (uint32_t k = 0; k < z->part[zone].seams; k++) {
-        uint32_t s = z->part[zone].seam[k], first = z->part[zone].first[k];
+        uint32_t s = z->part[zone].seam[k];
         const palp_seam_entry *e = &z->seam[s];
         uint32_t side = e->zone[0] == zone ? 0 : 1;
         for (uint32_t i = 0; i < e->nodes; i++) {
-            palp_vec3 v = {0.0f, 0.0f, 0.0f};
-            for (uint32_t c = 0; c < e->modes; c++)
-                v = palp_madd(v, z->seam_mode[s][(size_t)i * e->modes + c],
-                              palp_vec3_at(m + 3 * (first + c)));
+            palp_vec3 v = palp_zone_at_seam(z, zone, k, i, m);
             float *to = p->u[zone] + 3 * (size_t)z->seam_node[s][2 * i + side];
             to[0] = v.x;
             to[1] = v.y;

@@ -170,6 +170,16 @@ palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zon
     return sum;
 }
 
+palp_vec3 palp_zone_at_seam(const palp_zones *zones, uint32_t zone, uint32_t k, uint32_t i,
+                            const float *u) {
+    const palp_zone_part *part = &zones->part[zone];
+    uint32_t s = part->seam[k], modes = zones->seam[s].modes;
+    const float *mode = zones->seam_mode[s] + (size_t)i * modes;
+    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
+    for (uint32_t m = 0; m < modes; m++) sum = palp_madd(sum, mode[m], at(u, part->first[k] + m));
+    return sum;
+}
+
 void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2) {
     palp_seams *q = seams;

@@ -138,6 +138,11 @@ void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint3
 void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                        uint32_t zone, const float *w, float *u);
 
+/* Displacement of node i of seam k (of its own) of a zone by its seam modes u. 3 a mode of the
+ * seam. */
+palp_vec3 palp_zone_at_seam(const palp_zones *zones, uint32_t zone, uint32_t k, uint32_t i,
+                            const float *u);
+
 /* What the neighbours exert at the seams of a zone, K (T^T w + g) + weight, in zone_forces, and the
  * displacements there in zone_modes: [M][3] in the zone's frame. Tools' part is left out. */
 void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
