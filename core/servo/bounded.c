@@ -108,10 +108,6 @@ float palp_bounded_left_ns(const palp_bounded *bounded) {
     return b->config.cost.margin * NS_PER_S * b->config.dt_s - b->tail_ns - spent_ns;
 }
 
-static float time_of(const palp_bounded *b, float operations) {
-    return operations * b->config.cost.ns_per_operation;
-}
-
 static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 
 /* Bound of the least answer by the contact as it stands, with `more` candidates. */
@@ -119,7 +115,7 @@ static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t mo
     uint32_t count = least(c->count + more, b->config.limits.max_candidates);
     uint32_t reachable = c->active_count + PALP_COUPLING_SOLVES * LEAST_PIVOTS;
     uint32_t active = least(least(reachable, count), b->config.limits.max_active);
-    return time_of(b, palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS));
+    return palp_bounded_time_ns(b, palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS));
 }
 
 /* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
@@ -128,8 +124,9 @@ static float retreat_ns(palp_bounded *b) {
     uint32_t load = least(palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS,
                           b->config.limits.max_candidates);
     uint32_t active = least(load, b->config.limits.max_active);
-    return time_of(b, palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load) +
-                          palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS));
+    return palp_bounded_time_ns(
+        b, palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load) +
+               palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS));
 }
 
 /* ---- the tick ---- */
@@ -157,9 +154,10 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
     if (crowded || b->cut_short >= PATIENCE) drop(b, r);
     while (b->ladder.rung > 0u) {
         const palp_contact *c = palp_ladder_contact(&b->ladder);
-        float need = answer_ns(b, c, 0u) +
-                     time_of(b, palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count,
-                                                 c->active_count));
+        float need =
+            answer_ns(b, c, 0u) +
+            palp_bounded_time_ns(b, palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung],
+                                                     c->count, c->active_count));
         b->retreat_ns = retreat_ns(b);
         if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
@@ -173,8 +171,8 @@ static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_repor
     uint32_t fresh = palp_contact_search(c, around, b->fresh);
     uint32_t i = 0;
     for (; i < fresh; i++) {
-        float admit =
-            time_of(b, palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count));
+        float admit = palp_bounded_time_ns(
+            b, palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count));
         if (admit + answer_ns(b, c, 1u) + b->retreat_ns > palp_bounded_left_ns(b)) break;
         palp_contact_admit(c, b->fresh[i]);
     }
@@ -192,7 +190,9 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
         float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count + 1u);
         if (!b->coupling.solving)
             quantum += palp_cost_solve(&b->bound, c->count, c->active_count + 1u);
-        if (quanta > 0u && time_of(b, quantum) + b->retreat_ns > palp_bounded_left_ns(b)) break;
+        if (quanta > 0u &&
+            palp_bounded_time_ns(b, quantum) + b->retreat_ns > palp_bounded_left_ns(b))
+            break;
         more = palp_coupling_step(&b->coupling, c);
         quanta++;
     }
@@ -210,9 +210,10 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     if (b->since_climb < HELD * CLIMB_LATEST) b->since_climb++;
     if (b->config.assembly != NULL) {
         palp_contact *c = palp_ladder_contact(&b->ladder);
-        palp_moving_tick(b, answer_ns(b, c, 0u) +
-                                time_of(b, palp_cost_search(&b->bound, b->ladder.at[0], c->count,
-                                                            c->active_count)));
+        palp_moving_tick(b,
+                         answer_ns(b, c, 0u) +
+                             palp_bounded_time_ns(b, palp_cost_search(&b->bound, b->ladder.at[0],
+                                                                      c->count, c->active_count)));
     }
     choose_rung(b, &r);
     palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
@@ -249,7 +250,7 @@ static bool finer_fits(palp_bounded *b) {
     float retreat = palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung + 1u], load) +
                     palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
     float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
-    return time_of(b, need + retreat) <= share;
+    return palp_bounded_time_ns(b, need + retreat) <= share;
 }
 
 void palp_bounded_spare(palp_bounded *bounded) {
@@ -272,12 +273,13 @@ void palp_bounded_spare(palp_bounded *bounded) {
     uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
     palp_contact *next = palp_ladder_other(l);
     for (uint32_t i = 0; i < missing; i++) {
-        if (time_of(b, palp_cost_admit(&b->bound, finer, next->count)) > palp_bounded_left_ns(b))
+        if (palp_bounded_time_ns(b, palp_cost_admit(&b->bound, finer, next->count)) >
+            palp_bounded_left_ns(b))
             return;
         palp_contact_admit(next, b->fresh[i]);
     }
-    if (missing > 0u ||
-        time_of(b, palp_cost_change(&b->bound, finer, next->count)) > palp_bounded_left_ns(b))
+    if (missing > 0u || palp_bounded_time_ns(b, palp_cost_change(&b->bound, finer, next->count)) >
+                            palp_bounded_left_ns(b))
         return;
     if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
 }

@@ -98,6 +98,9 @@ void palp_moving_spare(palp_bounded *bounded);
 void palp_moving_costs(palp_bounded *bounded);
 float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count);
 float palp_bounded_left_ns(const palp_bounded *bounded);
+static inline float palp_bounded_time_ns(const palp_bounded *bounded, float operations) {
+    return operations * bounded->config.cost.ns_per_operation;
+}
 
 /* A tick that began at start_ns on the port's clock, devices at device_m[tool_count]. */
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,

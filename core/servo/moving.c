@@ -4,10 +4,6 @@
 
 #define FADE_S 0.05f /* in which what a change of the seams' level held back fades */
 
-static float time_of(const palp_bounded *b, float operations) {
-    return operations * b->config.cost.ns_per_operation;
-}
-
 static const palp_seam_cost *cost_at(const palp_bounded *b, uint32_t level) {
     return &b->seam_cost[level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level];
 }
@@ -52,7 +48,7 @@ void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_fra
 static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     bool smooth = b->moving.drift <= PALP_REUSE_FAR;
     palp_assembly *a = b->config.assembly;
-    float step_ns = time_of(b, cost_at(b, level)->step);
+    float step_ns = palp_bounded_time_ns(b, cost_at(b, level)->step);
     palp_seams_begin(&a->seams, a->posture, level);
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
@@ -62,11 +58,11 @@ static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
 
 /* The finest level, `from` or coarser, that is done in time. */
 static void renew(palp_bounded *b, uint32_t from, uint32_t count, float rest_ns) {
-    float least_ns = rest_ns + time_of(b, cost_of(b, PALP_DIAGONAL, count));
+    float least_ns = rest_ns + palp_bounded_time_ns(b, cost_of(b, PALP_DIAGONAL, count));
     for (uint32_t k = from + 1u; k-- > 0u;) {
-        float need_ns = time_of(b, cost_of(b, k, count)) + rest_ns;
+        float need_ns = palp_bounded_time_ns(b, cost_of(b, k, count)) + rest_ns;
         if (need_ns <= palp_bounded_left_ns(b)) {
-            float after_ns = time_of(b, cost_after(b, k, count)) + rest_ns;
+            float after_ns = palp_bounded_time_ns(b, cost_after(b, k, count)) + rest_ns;
             if (make_factor(b, k, palp_max(after_ns, least_ns))) return;
         }
         b->moving.aborted++;
@@ -88,7 +84,8 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
     const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
     if (!b->finer || f->step < f->steps) return false;
     b->finer = false;
-    if (time_of(b, cost_after(b, f->level, count)) + rest_ns > palp_bounded_left_ns(b)) {
+    if (palp_bounded_time_ns(b, cost_after(b, f->level, count)) + rest_ns >
+        palp_bounded_left_ns(b)) {
         b->barred = f->level;
         return false;
     }
@@ -105,7 +102,7 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
     palp_contact_load(c, a);
     b->moving = (palp_moving_report){.drift = drift};
     bool approximate = a->level == PALP_DIAGONAL;
-    float settle_ns = time_of(b, cost_after(b, a->level, c->count));
+    float settle_ns = palp_bounded_time_ns(b, cost_after(b, a->level, c->count));
     bool fits = settle_ns + rest_ns <= palp_bounded_left_ns(b);
     bool reuse = fits && (approximate ? !(drift > 0.0f)
                                       : drift <= (near ? PALP_REUSE_NEAR : PALP_REUSE_FAR));
@@ -136,11 +133,11 @@ void palp_moving_spare(palp_bounded *bounded) {
     if (b->barred == next) return; /* it was not sound, or not affordable, in this posture */
     float share = b->config.cost.margin * 1e9f * b->config.dt_s;
     if (!b->finer) {
-        if (time_of(b, cost_after(b, next, count)) > 0.5f * share) return;
+        if (palp_bounded_time_ns(b, cost_after(b, next, count)) > 0.5f * share) return;
         palp_seams_begin(q, a->posture, next);
         b->finer = true;
     }
-    float step_ns = time_of(b, cost_at(b, next)->step);
+    float step_ns = palp_bounded_time_ns(b, cost_at(b, next)->step);
     while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
     if (!q->factor[1u - q->now].sound) b->barred = next;
 }

@@ -131,6 +131,55 @@ static void test_cholesky(void) {
     CHECK(palp_chol_append(twin, 1, 2, column) == PALP_ERR_NOT_SPD, "a repeated column is refused");
 }
 
+/* R^-T B and C - A^T B, sizes that fill tiles and that do not, against double precision. */
+static void test_blocks(void) {
+    static const size_t sizes[4][3] = {{1, 1, 1}, {18, 30, 18}, {33, 47, 21}, {40, 64, 64}};
+    for (int t = 0; t < 4; t++) {
+        size_t k = sizes[t][0], m = sizes[t][1], n = sizes[t][2];
+        uint64_t seed = 11;
+        double *spd = malloc(k * k * sizeof *spd);
+        float *r = malloc(k * k * sizeof *r), *b = malloc(k * m * sizeof *b);
+        float *a = malloc(k * n * sizeof *a), *c = malloc(n * m * sizeof *c);
+        float *before = malloc(n * m * sizeof *before), *given = malloc(k * m * sizeof *given);
+        make_spd(spd, (int)k, &seed);
+        for (size_t i = 0; i < k * k; i++) r[i] = (float)spd[i];
+        for (size_t i = 0; i < k * m; i++) given[i] = b[i] = (float)tap_random(&seed);
+        for (size_t i = 0; i < k * n; i++) a[i] = (float)tap_random(&seed);
+        for (size_t i = 0; i < n * m; i++) before[i] = c[i] = (float)tap_random(&seed);
+        (void)palp_chol_factor(r, k, k);
+        palp_chol_forward_many(r, k, k, b, m, m);
+        double worst = 0, off = 0;
+        for (size_t i = 0; i < k; i++) { /* R^T B = what was given */
+            for (size_t j = 0; j < m; j++) {
+                double sum = -(double)given[i * m + j];
+                for (size_t e = 0; e <= i; e++) sum += (double)r[e * k + i] * (double)b[e * m + j];
+                worst = fmax(worst, fabs(sum));
+            }
+        }
+        palp_subtract_product(c, m, a, n, b, m, k, n, m, false);
+        for (size_t i = 0; i < n; i++) {
+            for (size_t j = 0; j < m; j++) {
+                double sum = (double)before[i * m + j] - (double)c[i * m + j];
+                for (size_t e = 0; e < k; e++) sum -= (double)a[e * n + i] * (double)b[e * m + j];
+                off = fmax(off, fabs(sum));
+            }
+        }
+        AT_MOST(worst, 1e-5, "R^T (R^-T B) = B for %zu x %zu", k, m);
+        AT_MOST(off, 1e-5, "C - A^T B for %zu x %zu, %zu deep", n, m, k);
+        if (n == m) {
+            palp_subtract_product(before, m, a, n, b, m, k, n, m, true);
+            double differ = 0;
+            for (size_t i = 0; i < n; i++) {
+                for (size_t j = i; j < m; j++)
+                    differ = fmax(differ, fabs((double)before[i * m + j] - (double)c[i * m + j]));
+            }
+            AT_MOST(differ, 0, "its upper triangle alone has the same bits");
+        }
+        void *owned[] = {spd, r, b, a, c, before, given};
+        for (size_t i = 0; i < 7; i++) free(owned[i]);
+    }
+}
+
 static void test_lu(void) {
     static float lu[N * N], keep[N * N], x[N], r[N], step[N], rhs[N];
     static double a[N * N], b[N], exact[N];
@@ -165,6 +214,7 @@ int main(void) {
     test_crc();
     test_sincos();
     test_cholesky();
+    test_blocks();
     test_lu();
     for (int i = 0; i < PALP_STATUS_COUNT; i++) {
         if (strlen(palp_status_text((palp_status)i)) < 2) CHECK(false, "status %d has no text", i);

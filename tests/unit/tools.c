@@ -154,7 +154,7 @@ static void test_stick_slip(const baked *b) {
 
 static void test_gradients(void) {
     const float heights[12] = {0, 0.01f, 0.02f, 0, 0.03f, 0.05f, 0.02f, 0.01f, 0, 0, 0.04f, 0.02f};
-    palp_tool tools[3] = {
+    palp_tool tools[4] = {
         {.balls = 3,
          .ball = {{{0, 0, 0}, 0.2f}, {{0.15f, 0, 0.02f}, 0.15f}, {{-0.05f, 0.18f, 0}, 0.25f}}},
         {.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
@@ -165,9 +165,11 @@ static void test_gradients(void) {
                  .edge_m = 0.1f,
                  .columns = 4,
                  .rows = 3,
-                 .height_m = heights}}};
-    static const char *const name[] = {"three balls", "a flat pad", "a height-field pad"};
-    for (int k = 0; k < 3; k++) {
+                 .height_m = heights}},
+        {.cylinder = {.axis = {0.6f, 0.8f, 0}, .radius_m = 0.2f, .half_m = 0.15f, .rim_m = 0.1f}}};
+    static const char *const name[] = {"three balls", "a flat pad", "a height-field pad",
+                                       "a cylinder"};
+    for (int k = 0; k < 4; k++) {
         uint64_t seed = 5;
         double worst = 0, kink = 0;
         for (int i = 0; i < 4000; i++) {
@@ -197,6 +199,10 @@ static void test_gradients(void) {
     palp_tool bad = tools[1];
     bad.pad.axis[0].x = 2;
     CHECK(!palp_tool_is_sound(&bad), "a pad with skew axes is refused");
+    bad = tools[3];
+    bad.cylinder.axis.x = 2;
+    CHECK(palp_tool_is_sound(&tools[3]) && !palp_tool_is_sound(&bad),
+          "a cylinder needs a unit axis");
     bad = tools[0];
     bad.balls = PALP_TOOL_BALLS + 1;
     CHECK(!palp_tool_is_sound(&bad), "too many balls are refused");
