@@ -295,6 +295,7 @@ static size_t late_ticks(const player *p) {
 }
 
 static void summary(FILE *f, const player *p) {
+    double force[SCENE_TRACKS] = {0};
     size_t at[PALP_SEAM_LEVELS + 1] = {0}, aborted = 0, renewed = 0, active = 0;
     for (size_t i = 0; i < p->ticks; i++) {
         const play_tick *k = &p->tick[i];
@@ -302,8 +303,9 @@ static void summary(FILE *f, const player *p) {
         aborted += k->moving.aborted;
         renewed += k->moving.renewed;
         if (k->answer.active > active) active = k->answer.active;
+        for (int t = 0; t < SCENE_TRACKS; t++)
+            force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
     }
-    const play_tick *k = &p->tick[p->strongest];
     spread work = spread_of(p, false), wall = spread_of(p, true);
     double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
@@ -318,11 +320,11 @@ static void summary(FILE *f, const player *p) {
     }
     if (at[PALP_SEAM_LEVELS] > 0) fprintf(f, " block diagonal: %zu", at[PALP_SEAM_LEVELS]);
     fprintf(f, " ticks; factors made %zu, levels given up %zu\n", renewed, aborted);
-    fprintf(f,
-            "contact               at most %zu nodes; largest force %.3g N on the object, %.3g N "
-            "on the probe, at %.3f s\n",
-            active, (double)palp_norm(k->force_N[SCENE_OBJECT]),
-            (double)palp_norm(k->force_N[SCENE_PROBE]), k->t_s);
+    fprintf(
+        f,
+        "contact               at most %zu nodes; largest force %.3g N on the object, %.3g N on "
+        "the probe\n",
+        active, force[SCENE_OBJECT], force[SCENE_PROBE]);
 }
 
 static void write_csv(const player *p, const char *path) {

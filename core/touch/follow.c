@@ -62,6 +62,19 @@ size_t palp_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
     return arena.used;
 }
 
+/* Operations to say where a node is now, on the zone with most modes. */
+static uint32_t place_work(const palp_assembly *a) {
+    uint32_t most = 0;
+    for (uint32_t i = 0; i < a->zones->meta->zones; i++) {
+        const palp_zone_part *part = &a->zones->part[i];
+        uint32_t modes = 0;
+        for (uint32_t k = 0; k < part->seams; k++)
+            modes += a->zones->seam[part->seam[k]].level_modes[a->extent];
+        most = modes > most ? modes : most;
+    }
+    return 9u * most + 40u;
+}
+
 palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
                                     const palp_tool *tools, uint32_t tool_count,
                                     palp_contact_limits limits, void *memory, size_t bytes) {
@@ -77,13 +90,9 @@ palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assemb
         return PALP_ERR_MEMORY;
     c.assembly = assembly;
     c.pairs = pairs;
-    for (uint32_t i = 0; i < c.bodies; i++) {
-        uint32_t modes = 0;
-        for (uint32_t k = 0; k < z->part[i].seams; k++)
-            modes += z->seam[z->part[i].seam[k]].level_modes[assembly->seams.finest];
-        if (9u * modes + 40u > c.place_work) c.place_work = 9u * modes + 40u;
+    for (uint32_t i = 0; i < c.bodies; i++)
         c.size_m[PALP_ZONE_TOOL] = palp_max(c.size_m[PALP_ZONE_TOOL], z->blob[i].meta->mean_edge_m);
-    }
+    c.place_work = place_work(assembly);
     palp_contact_lay_out(&c, &arena, longest_row(z), most_slots(z));
     palp_contact_clean(&c, most_slots(z));
     *contact = c;
@@ -234,6 +243,7 @@ void palp_contact_follow(palp_contact *contact) {
     palp_contact *c = contact;
     const palp_assembly *a = c->assembly;
     if (a == NULL) return;
+    c->place_work = place_work(a);
     renew_pairs(c);
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];

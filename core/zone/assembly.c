@@ -2,6 +2,8 @@
 #include "assembly.h"
 #include "core/green/columns.h"
 
+#define FADED 3e-6f /* of a seam's length: what is carried is let go */
+
 static void lay_out(palp_assembly *a, palp_arena *arena) {
     const palp_zones *z = a->zones;
     size_t n = 3u * (size_t)a->seams.modes;
@@ -71,7 +73,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     if (bytes < need) return PALP_ERR_MEMORY;
     a->zones = zones;
     a->gravity_m_s2 = (palp_vec3){0.0f, 0.0f, 0.0f};
-    a->level = finest;
+    a->level = a->extent = finest;
     void *part = palp_take(&arena, seams, 1);
     palp_status status = palp_seams_init(&a->seams, zones, finest, part, seams);
     if (status != PALP_OK) return status;
@@ -99,6 +101,7 @@ palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleratio
 void palp_assembly_calm(palp_assembly *assembly) {
     palp_assembly_unload(assembly);
     for (uint32_t i = 0; i < 3u * assembly->seams.modes; i++) assembly->carried[i] = 0.0f;
+    assembly->extent = palp_seams_factor(&assembly->seams)->level;
 }
 
 void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root) {
@@ -161,7 +164,16 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level) {
 
 void palp_assembly_relax(palp_assembly *assembly, float share) {
     palp_assembly *a = assembly;
-    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->carried[i] -= share * a->carried[i];
+    float most = 0.0f, length = 0.0f;
+    for (uint32_t s = 0; s < a->zones->meta->seams; s++)
+        length = palp_max(length, a->zones->seam[s].length_m);
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) {
+        a->carried[i] -= share * a->carried[i];
+        most = palp_max(most, palp_abs(a->carried[i]));
+    }
+    if (most > FADED * length) return;
+    for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->carried[i] = 0.0f;
+    a->extent = palp_seams_factor(&a->seams)->level;
 }
 
 palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
@@ -171,7 +183,7 @@ palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint
     palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
     if (palp_node_is_fixed(b, node)) return palp_carry(world, x);
     uint32_t slot = palp_node_slot(b, node);
-    x = palp_add(x, palp_zone_follow(a->zones, a->seams.finest, zone, slot, a->bent[zone]));
+    x = palp_add(x, palp_zone_follow(a->zones, a->extent, zone, slot, a->bent[zone]));
     if (a->sag[zone] != NULL && palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
         x = palp_add(x, palp_rotate(a->sag[zone] + 9u * (size_t)slot,
                                     palp_rotate_back(world->r, a->gravity_m_s2)));
@@ -257,7 +269,9 @@ bool palp_assembly_take(palp_assembly *assembly, bool smooth) {
     const float *total = palp_assembly_total(a);
     for (uint32_t i = 0; i < n; i++) a->kept[i] = total[i];
     if (!palp_seams_take(q)) return false;
+    uint32_t level = palp_seams_factor(q)->level;
     for (uint32_t i = 0; i < n && !smooth; i++) a->carried[i] = 0.0f;
+    if (!smooth || level > a->extent) a->extent = level;
     if (!other || !smooth) {
         palp_assembly_settle(a);
         return true;

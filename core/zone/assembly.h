@@ -30,6 +30,7 @@ typedef struct {
     float *pushed[PALP_MAX_ZONES];    /* [M][3] H^T f of the load on each zone */
     float *bent[PALP_MAX_ZONES];      /* [M][3] of each zone without contact, its frame */
     uint32_t level;                   /* of the factor in use; PALP_DIAGONAL: the approximation */
+    uint32_t extent;                  /* level beyond which w, and what is carried, is zero */
 } palp_assembly;
 
 #define PALP_ASSEMBLY_ITERATIONS 4u /* of conjugate gradients with a factor of another posture */
