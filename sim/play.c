@@ -28,7 +28,8 @@ static const char help[] =
     "                          wall: this machine's clock\n"
     "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
     "  --no-pairs              zones do not touch each other\n"
-    "The scene's keys: seconds, rate, stiffness, pose T JOINT VALUE, cylinder RADIUS HALF X Y Z,\n"
+    "The scene's keys: seconds, rate, stiffness, gravity X Y Z, pose T JOINT VALUE, cylinder "
+    "RADIUS HALF X Y Z,\n"
     "object T X Y Z, probe RADIUS, touch T X Y Z.\n";
 
 static const option options[] = {{"--scene", 1},     {"-o", 1},         {"--report", 1},
@@ -129,6 +130,9 @@ static void open_player(player *p) {
     palp_status status =
         palp_assembly_init(p->a, p->z, s->finest, allocate_aligned(bytes + 1, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
+    palp_vec3 gravity = vec(p->s.gravity_m_s2);
+    if (palp_norm(gravity) > 0.0f && palp_assembly_gravity(p->a, gravity) != PALP_OK)
+        die(EXIT_WORK, "%s: a zone has no gravity response", s->blob);
     add_tools(p);
     double period_us = 1e6 / p->s.rate_hz;
     double budget = s->budget_us > 0 ? s->budget_us : 0.8 * period_us;

@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const option keys[] = {{"--seconds", 1}, {"--rate", 1},     {"--stiffness", 1},
-                              {"--pose", 3},    {"--cylinder", 5}, {"--object", 4},
-                              {"--probe", 1},   {"--touch", 4},    {NULL, 0}};
+static const option keys[] = {
+    {"--seconds", 1},  {"--rate", 1},   {"--stiffness", 1}, {"--gravity", 3}, {"--pose", 3},
+    {"--cylinder", 5}, {"--object", 4}, {"--probe", 1},     {"--touch", 4},   {NULL, 0}};
 
 typedef struct {
     scene s;
@@ -41,6 +41,8 @@ static void take_key(void *context, const argument *a) {
         s->rate_hz = arg_between(a, 49, 20001);
     } else if (strcmp(o, "--stiffness") == 0) {
         s->stiffness_N_per_m = positive(a, 0);
+    } else if (strcmp(o, "--gravity") == 0) {
+        for (int k = 0; k < 3; k++) s->gravity_m_s2[k] = arg_double(a, k);
     } else if (strcmp(o, "--pose") == 0) {
         uint32_t j = find_joint(a->where, r->zones, a->value[1]);
         check_joint(a->where, r->zones, j, arg_double(a, 2));

@@ -22,7 +22,7 @@ typedef struct {
 } scene_track;
 
 typedef struct {
-    double seconds, rate_hz, stiffness_N_per_m;
+    double seconds, rate_hz, stiffness_N_per_m, gravity_m_s2[3];
     bool has[SCENE_TRACKS]; /* shapes that were described */
     double cylinder[5];     /* radius, half length, axis */
     double probe_radius_m;
@@ -32,7 +32,8 @@ typedef struct {
 
 /*
  * Reads a scene: lines of
- *   seconds S | rate HZ | stiffness N/m (of the springs on which object and probe hang)
+ *   seconds S | rate HZ | stiffness N/m (of the springs on which object and probe hang) |
+ *   gravity X Y Z (m/s^2)
  *   pose T JOINT VALUE           the joint's value at time T, rad or m
  *   cylinder RADIUS HALF X Y Z   and   object T X Y Z
  *   probe RADIUS                 and   touch T X Y Z

@@ -145,6 +145,9 @@ $palp play chain.palp --scene ok.scene --report play.html -o play.csv > play.txt
 ok $? "palp play: $(head -1 play.txt)"
 $palp play chain.palp --scene ok.scene -o again.csv > /dev/null && cut -d, -f1-14 play.csv > one.txt && cut -d, -f1-14 again.csv | cmp -s - one.txt
 ok $? "by the clock of the work done a scene repeats to the digit"
+{ cat ok.scene; echo 'gravity 0 0 -9.81'; } > heavy.scene
+$palp play chain.palp --scene heavy.scene -o heavy.csv > /dev/null && cut -d, -f9-11 play.csv > light.txt && ! cut -d, -f9-11 heavy.csv | cmp -s - light.txt
+ok $? "a scene with gravity"
 scene() { printf "$2" > bad.scene; refuses 2 "$1" "$3" $palp play chain.palp --scene bad.scene -o out.csv; }
 scene "no joint named 'x'" 'pose 0 x 0\n' "a scene with an unknown joint"
 scene "out of its range" 'pose 0 ab 3\n' "a scene that leaves a joint's range"
