@@ -12,6 +12,11 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#ifdef TRIALS /* under sanitizers */
+#define HOSTILE 60
+#else
+#define HOSTILE 400 /* changes of each section */
+#endif
 #define EDGE 0.02
 #define YOUNG 1e5
 #define POISSON 0.3
@@ -660,7 +665,7 @@ static void test_hostile(const zoned *model) {
         const palp_blob_entry *e =
             (const palp_blob_entry *)(const void *)(model->bytes + sizeof *h);
         while (e->type != section) e++;
-        for (uint32_t k = 0; k < 400; k++, tries++) {
+        for (uint32_t k = 0; k < HOSTILE; k++, tries++) {
             memcpy(bytes, model->bytes, model->size);
             size_t all = (size_t)(e->count * e->element_bytes / 4);
             size_t at = (size_t)((tap_random(&seed) + 1) / 2 * (double)all);
