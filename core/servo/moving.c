@@ -112,8 +112,12 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
         (void)take_finer(b, c->count, rest_ns);
     } else {
         b->finer = false;
-        if (drift <= PALP_REUSE_FAR)
-            palp_assembly_settle(a); /* what a change of level is measured against */
+        /* What a change of level is measured against; without time for it, the last tick's will do.
+         */
+        float before_ns = palp_bounded_time_ns(b, cost_at(b, a->level)->settle +
+                                                      cost_of(b, PALP_DIAGONAL, c->count));
+        if (drift <= PALP_REUSE_FAR && before_ns + rest_ns <= palp_bounded_left_ns(b))
+            palp_assembly_settle(a);
         b->barred = PALP_NONE;
         renew(b, a->seams.finest, c->count, rest_ns);
         b->moving.renewed = true;
