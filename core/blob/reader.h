@@ -20,6 +20,9 @@ typedef struct {
 /* Checks alignment, header, table and all CRCs. */
 palp_reader palp_reader_open(const void *data, size_t bytes);
 
+/* Alignment and header with its CRC only, for a look at which sections there are. */
+palp_reader palp_reader_glance(const void *data, size_t bytes);
+
 void palp_reader_fail(palp_reader *reader, palp_status status);
 void palp_reader_require(palp_reader *reader, bool condition); /* else RANGE */
 bool palp_reader_has(const palp_reader *reader, uint32_t type);

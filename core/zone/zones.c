@@ -137,7 +137,7 @@ static void read_zone(palp_reader *r, palp_zones *z, uint32_t i) {
 }
 
 bool palp_zones_are_here(const void *data, size_t bytes) {
-    palp_reader r = palp_reader_open(data, bytes);
+    palp_reader r = palp_reader_glance(data, bytes);
     return r.status == PALP_OK && palp_reader_has(&r, PALP_SEC_ZONES);
 }
 
