@@ -265,9 +265,9 @@ static void run(player *p) {
         if (pressed > most) {
             most = pressed;
             p->strongest = i;
-            take_picture(p);
         }
         palp_bounded_spare(p->b);
+        if (p->strongest == i) take_picture(p);
     }
 }
 

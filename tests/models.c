@@ -167,6 +167,24 @@ zoned model_zones(const mesh *body, const char *lines, double epsilon) {
     return r;
 }
 
+palp_assembly *model_assembly(const palp_zones *zones, uint32_t finest) {
+    palp_assembly *a = allocate(1, sizeof *a);
+    size_t bytes = palp_assembly_memsize(zones, finest);
+    palp_status status = palp_assembly_init(a, zones, finest, allocate_aligned(bytes, 1), bytes);
+    if (status != PALP_OK) die(EXIT_WORK, "assembly: %s", palp_status_text(status));
+    return a;
+}
+
+char *model_labels(const uint32_t *cell, uint32_t triangles, const char *const *name) {
+    static char path[32];
+    snprintf(path, sizeof path, "/tmp/palp-labels-XXXXXX");
+    FILE *f = fdopen(mkstemp(path), "w");
+    if (f == NULL) die(EXIT_WORK, "no temporary file");
+    for (uint32_t i = 0; i < triangles; i++) fprintf(f, "%s\n", name[cell[i]]);
+    fclose(f);
+    return path;
+}
+
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes) {
     baked b = {.m = m, .material = {.young_Pa = 1e4, .poisson = 0.4, .tolerance = BEM_TOLERANCE}};

@@ -28,6 +28,12 @@ typedef struct {
 } zoned;
 zoned model_zones(const mesh *body, const char *lines, double epsilon);
 
+/* It posed at rest, with seams up to a level. */
+palp_assembly *model_assembly(const palp_zones *zones, uint32_t finest);
+
+/* A file of labels, one per triangle: the name of its cell. The path stays until the next call. */
+char *model_labels(const uint32_t *cell, uint32_t triangles, const char *const *name);
+
 typedef struct {
     mesh m;
     uint8_t *fixed;

@@ -573,7 +573,14 @@ uint8_t *zone_bake(zone_model *z, const body_spec *common, const build_options *
     b->z = z;
     b->path = path;
     zone_model_check(z, path);
-    for (uint32_t i = 0; i < z->zones; i++) body_require_material(&z->zone[i].body);
+    for (uint32_t i = 0; i < z->zones; i++) {
+        body_require_material(&z->zone[i].body);
+        if (z->zone[i].body.compliance != NULL)
+            die(EXIT_USAGE,
+                "%s: zone '%s': a compliance matrix says nothing of reactions at seams: leave "
+                "'compliance' out",
+                path, z->zone[i].name);
+    }
     if (common->mesh_path != NULL) {
         cut_body(b, common);
     } else {

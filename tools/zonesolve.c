@@ -367,6 +367,10 @@ int zone_solve(const zone_solve_spec *s, const char *data, size_t bytes) {
         }
         take_condition(p, &list[i]);
     }
+    for (uint32_t i = 0; i < p->z->meta->zones && s->gravity_given; i++) {
+        if (!palp_blob_has(&p->z->blob[i], PALP_META_GRAVITY) || p->z->part[i].weight == NULL)
+            die(EXIT_WORK, "%s: zone '%s' has no gravity response", s->blob, p->z->zone[i].name);
+    }
     output out = open_output(s->output);
     p->q = open_seams(s->blob, p->z);
     if (palp_seams_refresh(p->q, &p->posture, p->level) != PALP_OK)

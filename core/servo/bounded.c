@@ -25,7 +25,7 @@ size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
     palp_arena arena = {0};
     if (!palp_contact_limits_sound(limits)) return 0;
     (void)palp_take(&arena, limits.max_new, sizeof(palp_fresh));
-    (void)palp_take(&arena, palp_ladder_memsize_zones(zones, finest, limits), 1);
+    (void)palp_take(&arena, palp_contact_memsize_zones(zones, finest, limits), 1);
     return arena.used;
 }
 
@@ -39,7 +39,7 @@ static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
     const palp_bounded_config *c = &b->config;
     if (c->assembly != NULL) {
         size_t room =
-            palp_ladder_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
+            palp_contact_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
         return palp_ladder_init_zones(&b->ladder, c->assembly, c->pairs, c->tools, c->tool_count,
                                       c->limits, palp_take(arena, room, 1), room);
     }

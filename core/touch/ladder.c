@@ -42,11 +42,6 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
     return PALP_OK;
 }
 
-size_t palp_ladder_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                 palp_contact_limits limits) {
-    return palp_contact_memsize_zones(zones, finest, limits);
-}
-
 palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
                                    const palp_tool *tools, uint32_t tool_count,
                                    palp_contact_limits limits, void *memory, size_t bytes) {

@@ -51,9 +51,7 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
                              const palp_tool *tools, uint32_t tool_count,
                              palp_contact_limits limits, void *memory, size_t bytes);
 
-/* The same on a multizone model, as palp_contact_init_zones. */
-size_t palp_ladder_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                 palp_contact_limits limits);
+/* The same on a multizone model, as palp_contact_init_zones and in as much memory. */
 palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
                                    const palp_tool *tools, uint32_t tool_count,
                                    palp_contact_limits limits, void *memory, size_t bytes);

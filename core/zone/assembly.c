@@ -74,6 +74,9 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     a->zones = zones;
     a->gravity_m_s2 = (palp_vec3){0.0f, 0.0f, 0.0f};
     a->level = a->extent = finest;
+    a->length_m = 0.0f;
+    for (uint32_t s = 0; s < zones->meta->seams; s++)
+        a->length_m = palp_max(a->length_m, zones->seam[s].length_m);
     void *part = palp_take(&arena, seams, 1);
     palp_status status = palp_seams_init(&a->seams, zones, finest, part, seams);
     if (status != PALP_OK) return status;
@@ -164,14 +167,12 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level) {
 
 void palp_assembly_relax(palp_assembly *assembly, float share) {
     palp_assembly *a = assembly;
-    float most = 0.0f, length = 0.0f;
-    for (uint32_t s = 0; s < a->zones->meta->seams; s++)
-        length = palp_max(length, a->zones->seam[s].length_m);
+    float most = 0.0f;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) {
         a->carried[i] -= share * a->carried[i];
         most = palp_max(most, palp_abs(a->carried[i]));
     }
-    if (most > FADED * length) return;
+    if (most > FADED * a->length_m) return;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->carried[i] = 0.0f;
     a->extent = palp_seams_factor(&a->seams)->level;
 }
@@ -266,13 +267,14 @@ bool palp_assembly_take(palp_assembly *assembly, bool smooth) {
     uint32_t n = 3u * q->modes;
     const palp_seam_factor *f = palp_seams_factor(q), *next = &q->factor[1u - q->now];
     bool other = f->level != next->level || f->diagonal != next->diagonal;
-    const float *total = palp_assembly_total(a);
-    for (uint32_t i = 0; i < n; i++) a->kept[i] = total[i];
+    bool carry = smooth && other;
+    const float *total = carry ? palp_assembly_total(a) : a->total;
+    for (uint32_t i = 0; i < n && carry; i++) a->kept[i] = total[i];
     if (!palp_seams_take(q)) return false;
     uint32_t level = palp_seams_factor(q)->level;
     for (uint32_t i = 0; i < n && !smooth; i++) a->carried[i] = 0.0f;
     if (!smooth || level > a->extent) a->extent = level;
-    if (!other || !smooth) {
+    if (!carry) {
         palp_assembly_settle(a);
         return true;
     }

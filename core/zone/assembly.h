@@ -20,6 +20,7 @@ typedef struct {
     const palp_zones *zones;
     palp_seams seams;
     palp_posture *posture;
+    float length_m;                   /* of the largest seam */
     palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
     palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
     float *sag[PALP_MAX_ZONES];       /* [free slots][9] by unit acceleration; NULL: unknown */

@@ -58,22 +58,17 @@ static void gather(const palp_seams *q, const palp_frame *relative, uint32_t lev
     }
 }
 
-/* Modes of seam k of a zone that the level uses, the mismatch's included. */
-static uint32_t used_modes(const palp_seams *q, const palp_zone_part *part, uint32_t k,
-                           uint32_t level) {
-    return palp_seam_modes(q, part->seam[k], level);
-}
-
 /* f := K u on the modes of the level. Rows of the packed triangle are read as straight streams. */
 static void stiffness(palp_seams *q, uint32_t zone, uint32_t level, const float *u, float *f) {
     const palp_zone_part *part = &q->zones->part[zone];
     for (uint32_t i = 0; i < 3u * q->zones->zone[zone].modes; i++) f[i] = 0.0f;
     for (uint32_t a = 0; a < part->seams; a++) {
-        for (uint32_t i = part->first[a]; i < part->first[a] + used_modes(q, part, a, level); i++) {
+        for (uint32_t i = part->first[a];
+             i < part->first[a] + palp_seam_modes(q, part->seam[a], level); i++) {
             const float *row = part->stiffness + 9u * ((size_t)i * (i + 1u) / 2u);
             palp_vec3 ui = at(u, i), fi = at(f, i);
             for (uint32_t b = 0; b <= a; b++) {
-                uint32_t end = part->first[b] + used_modes(q, part, b, level);
+                uint32_t end = part->first[b] + palp_seam_modes(q, part->seam[b], level);
                 if (end > i + 1u) end = i + 1u;
                 for (uint32_t j = part->first[b]; j < end; j++) {
                     const float *k = row + 9u * j;
@@ -102,7 +97,7 @@ void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_
             for (uint32_t j = 0; j < affine; j++) {
                 palp_vec3 g = mismatch(&q->zones->seam[s], &posture->relative[s], j);
                 for (uint32_t a = 0; a < part->seams; a++) {
-                    uint32_t end = part->first[a] + used_modes(q, part, a, level);
+                    uint32_t end = part->first[a] + palp_seam_modes(q, part->seam[a], level);
                     for (uint32_t i = part->first[a]; i < end; i++) {
                         float block[9];
                         palp_zone_stiffness(part, i, part->first[k] + j, block);
@@ -138,7 +133,7 @@ void palp_seams_load(palp_seams *seams, const palp_posture *posture, uint32_t le
     uint32_t modes = q->zones->zone[zone].modes;
     const float *follow = part->follow + 9u * (size_t)slot * modes;
     for (uint32_t k = 0; k < part->seams; k++) {
-        uint32_t end = part->first[k] + used_modes(q, part, k, level);
+        uint32_t end = part->first[k] + palp_seam_modes(q, part->seam[k], level);
         for (uint32_t i = part->first[k]; i < end; i++) /* Betti: G_SF = -G_FS^T */
             put(q->zone_forces, i, palp_rotate_back(follow + 9u * i, force_N));
         q->work_done += 9u * (end - part->first[k]);

@@ -62,6 +62,7 @@ bad "all of the zone lies behind" "a cut that meets nothing" "$(echo "$cut" | se
 bad "nothing holds zone" "no bone anywhere" "$(echo "$cut" | sed 's/|fix-below x 1e-6//')" 1
 bad "cuts must not touch\|three zones" "cuts that cross" "$(echo "$cut" | sed 's/cut b c 0.04 0 0 1 0 0/cut b c 0.03 0.01 0.01 0 1 0/')" 1
 bad "zone 'a' already" "a zone twice" "zone a|zone a" 2
+bad "says nothing of reactions" "a compliance matrix for zones" "compliance x.npy|$cut"
 bad "letters, digits" "a name that no file can have" 'zone a"b|zone c' 2
 bad "between -10000" "limits without sense" "$cut|limits -20000 1"
 bad "off one line" "one bone node" "$(echo "$cut" | sed 's/fix-below x 1e-6/fix-box -1 -1 -1 1e-6 1e-6 1e-6/')" 1

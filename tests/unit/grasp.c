@@ -26,14 +26,6 @@ static zoned make_chain(uint32_t n) {
                        0);
 }
 
-static palp_assembly *open_assembly(const palp_zones *z, uint32_t finest) {
-    palp_assembly *a = allocate(1, sizeof *a);
-    size_t bytes = palp_assembly_memsize(z, finest);
-    if (palp_assembly_init(a, z, finest, allocate_aligned(bytes, 1), bytes) != PALP_OK)
-        die(EXIT_WORK, "assembly");
-    return a;
-}
-
 static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
                                   palp_contact_limits limits) {
     palp_contact *c = allocate(1, sizeof *c);
@@ -79,7 +71,7 @@ static double response(palp_assembly *a, uint32_t zone, uint32_t slot, palp_vec3
 }
 
 static void test_reciprocity(const zoned *model) {
-    palp_assembly *a = open_assembly(model->zones, FINEST);
+    palp_assembly *a = model_assembly(model->zones, FINEST);
     const float value[PALP_MAX_JOINTS] = {0.5f, -0.7f};
     double worst = 0, most = 0;
     pose(a, value);
@@ -120,7 +112,7 @@ static palp_vec3 press(palp_contact *c, palp_vec3 at) {
 
 /* g of the contact against unit forces through the seams' full solution. */
 static void test_compliance(const zoned *model) {
-    palp_assembly *a = open_assembly(model->zones, FINEST);
+    palp_assembly *a = model_assembly(model->zones, FINEST);
     const palp_tool tool = palp_tool_sphere(0.008f);
     palp_contact *c = open_contact(a, false, &tool, (palp_contact_limits){96, 48, 32, 60, false});
     const float value[PALP_MAX_JOINTS] = {-0.2f, 0.1f};
@@ -156,7 +148,7 @@ static double energy(palp_assembly *a, const palp_contact *c) {
 
 /* The moments that the seams exert on the links are what the stored energy changes by. */
 static void test_moments(const zoned *model) {
-    palp_assembly *a = open_assembly(model->zones, FINEST);
+    palp_assembly *a = model_assembly(model->zones, FINEST);
     double worst = 0, most = 0;
     for (uint32_t j = 0; j < 2; j++) {
         const float step = 0.004f;
@@ -197,7 +189,7 @@ typedef struct {
  * hand does what its force says.
  */
 static path_work go_round(const zoned *model, uint32_t steps, uint32_t level) {
-    palp_assembly *a = open_assembly(model->zones, level);
+    palp_assembly *a = model_assembly(model->zones, level);
     const palp_tool tool = palp_tool_sphere(0.008f);
     palp_contact *c = open_contact(a, false, &tool, (palp_contact_limits){96, 60, 40, 90, false});
     path_work r = {.hand_J = 0};
@@ -278,11 +270,9 @@ static void test_pairs(void) {
                                 {2, 0, 1}, {0, 0, 2}, {2, 0, 2}};
     static const char *const name[] = {"hub", "hub", "hub", "left", "right", "left", "right"};
     uint32_t *cell;
-    char lines[512], labels[] = "/tmp/palp-labels-XXXXXX";
+    char lines[512];
     mesh m = model_voxels(u, 7, EDGE, 4, &cell);
-    FILE *f = fdopen(mkstemp(labels), "w");
-    for (uint32_t i = 0; i < m.triangles; i++) fprintf(f, "%s\n", name[cell[i]]);
-    fclose(f);
+    char *labels = model_labels(cell, m.triangles, name);
     snprintf(lines, sizeof lines,
              COMMON "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone right\n"
                     "fix-above x 0.059999\nlabels %s\njoint l fixed hub left\n"
@@ -290,7 +280,7 @@ static void test_pairs(void) {
              labels);
     zoned model = model_zones(&m, lines, 0);
     remove(labels);
-    palp_assembly *a = open_assembly(model.zones, 2);
+    palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
     palp_contact *c = open_contact(a, true, &tool, (palp_contact_limits){96, 48, 16, 90, false});
     palp_vec3 on[3], far = {1.0f, 1.0f, 1.0f};
@@ -331,7 +321,7 @@ static uint64_t now_ns(void *context) {
 /* Ticks with a posture each under a budget (of work): the levels used, late ticks, largest step of
  * the force. */
 static void run_budget(const zoned *model, double budget_us, uint32_t finest, double tardy_us) {
-    palp_assembly *a = open_assembly(model->zones, finest);
+    palp_assembly *a = model_assembly(model->zones, finest);
     palp_bounded *b = allocate(1, sizeof *b);
     work_clock clock = {.b = b};
     const palp_tool tool = palp_tool_sphere(0.008f);
