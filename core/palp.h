@@ -37,6 +37,8 @@
 #include "core/device/moteus.h"
 #include "core/device/odrive.h"
 #include "core/device/profile.h"
+#include "core/dyna/adapt.h"
+#include "core/dyna/skin.h"
 #include "core/green/cma.h"
 #include "core/green/detail.h"
 #include "core/green/field.h"

@@ -214,3 +214,86 @@ baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool hal
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
     return model_bake_tables(m, below, epsilon, raw, half, 0);
 }
+
+tetmesh model_block(const double size[3], const uint32_t n[3], bool mirrored) {
+    static const uint8_t path[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2},
+                                       {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
+    tetmesh m = {.nodes = 0};
+    m.x = allocate((size_t)(n[0] + 1) * (n[1] + 1) * (n[2] + 1), sizeof *m.x);
+    m.t = allocate(6 * (size_t)n[0] * n[1] * n[2], sizeof *m.t);
+    for (uint32_t k = 0; k <= n[2]; k++) {
+        for (uint32_t j = 0; j <= n[1]; j++) {
+            for (uint32_t i = 0; i <= n[0]; i++) {
+                const uint32_t p[3] = {i, j, k};
+                for (int a = 0; a < 3; a++) m.x[m.nodes][a] = size[a] * p[a] / n[a];
+                m.nodes++;
+            }
+        }
+    }
+    for (uint32_t cell = 0; cell < n[0] * n[1] * n[2]; cell++) {
+        const uint32_t at[3] = {cell % n[0], cell / n[0] % n[1], cell / n[0] / n[1]};
+        for (int c = 0; c < 6; c++) {
+            uint32_t p[3], corner[4];
+            for (int a = 0; a < 3; a++) p[a] = at[a] + (mirrored ? at[a] % 2 : 0);
+            for (int step = 0; step < 4; step++) {
+                corner[step] = (p[2] * (n[1] + 1) + p[1]) * (n[0] + 1) + p[0];
+                if (step == 3) break;
+                uint8_t a = path[c][step];
+                p[a] = mirrored && at[a] % 2 == 1 ? p[a] - 1 : p[a] + 1;
+            }
+            memcpy(m.t[m.tets++], corner, sizeof corner);
+            if (tet_volume(&m, m.tets - 1) < 0) {
+                m.t[m.tets - 1][2] = corner[3];
+                m.t[m.tets - 1][3] = corner[2];
+            }
+        }
+    }
+    return m;
+}
+
+lively model_lively(const tetmesh *level, uint32_t levels, double below, double young,
+                    double poisson, double damping_s) {
+    static const uint8_t sha[32] = {0};
+    lively b = {.levels = levels};
+    uint8_t *pinned[TET_LEVELS] = {NULL};
+    uint32_t joined;
+    body_spec body = body_defaults;
+    body.young_Pa = young;
+    body.poisson = poisson;
+    body.density = 1000;
+    for (uint32_t l = 0; l < levels; l++) {
+        b.level[l] = level[l];
+        pinned[l] = allocate(level[l].nodes, 1);
+        for (uint32_t i = 0; i < level[l].nodes; i++) pinned[l][i] = level[l].x[i][0] <= below;
+    }
+    b.bytes = tet_assemble(level, pinned, levels, &body, damping_s, sha, &joined, &b.size);
+    for (uint32_t l = 0; l < levels; l++) free(pinned[l]);
+    if (palp_tets_open(&b.tets, b.bytes, b.size) != PALP_OK) die(EXIT_WORK, "a body does not open");
+    return b;
+}
+
+palp_dyna *model_dyna(const palp_tets *tets, palp_material material, float tick_s,
+                      palp_vec3 gravity) {
+    palp_dyna_config c = {.material = material,
+                          .gravity_m_s2 = gravity,
+                          .tick_s = tick_s,
+                          .most_class = PALP_STEP_CLASSES - 1};
+    palp_dyna *d = allocate(1, sizeof *d);
+    size_t bytes = palp_dyna_memsize(tets);
+    if (palp_dyna_init(d, tets, &c, allocate_aligned(bytes, 1), bytes) != PALP_OK)
+        die(EXIT_WORK, "a body does not move");
+    return d;
+}
+
+void model_refine(palp_dyna *dyna, uint32_t level) {
+    const palp_tets_meta *m = dyna->tets->meta;
+    for (uint32_t l = 0; l < level && l + 1 < m->levels; l++) {
+        for (uint32_t f = m->first_family[l]; f < m->first_family[l + 1]; f++) {
+            const palp_tets *t = dyna->tets;
+            for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1]; k++)
+                palp_dyna_hang(dyna, t->child[k]);
+            dyna->split[f] = 1;
+        }
+        palp_dyna_relist(dyna);
+    }
+}

@@ -5,6 +5,7 @@
 
 #include "core/palp.h"
 #include "tools/build.h"
+#include "tools/tetbake.h"
 #include "tools/zonebake.h"
 
 /* Unit sphere: an icosahedron split `levels` times, vertices coarse to fine. */
@@ -53,5 +54,25 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
 /* The same with dense tables of the coarse constraint levels up to that many bytes. */
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes);
+
+/* A block of edges size[3] (m) from the origin, n[3] cells each cut into six tetrahedra; every
+ * second cell the other way around with `mirrored`. */
+tetmesh model_block(const double size[3], const uint32_t n[3], bool mirrored);
+
+/* A dynamic body of such meshes, coarse to fine, pinned where x is at most `below`. */
+typedef struct {
+    tetmesh level[TET_LEVELS];
+    uint32_t levels;
+    palp_tets tets;
+    uint8_t *bytes;
+    size_t size;
+} lively;
+lively model_lively(const tetmesh *level, uint32_t levels, double below, double young,
+                    double poisson, double damping_s);
+/* It at rest, in ticks of tick_s; memory is never released. */
+palp_dyna *model_dyna(const palp_tets *tets, palp_material material, float tick_s,
+                      palp_vec3 gravity);
+/* Splits every family down to `level`. */
+void model_refine(palp_dyna *dyna, uint32_t level);
 
 #endif

@@ -3,6 +3,7 @@
 #include "commands.h"
 #include "parallel.h"
 #include "sha256.h"
+#include "tetbake.h"
 #include "util.h"
 #include "zonebake.h"
 #include <inttypes.h>
@@ -56,10 +57,16 @@ static const char help[] =
     "A B\n"
     "POINT NORMAL; labels FILE; seam A B [NODES_A NODES_B]; seam-modes N (fewer make smaller "
     "blobs);\n"
-    "joint or closure NAME fixed|revolute|prismatic PARENT CHILD, then axis, origin, limits.\n";
+    "joint or closure NAME fixed|revolute|prismatic PARENT CHILD, then axis, origin, limits.\n"
+    "For a body that moves (README): --tets N [N ..], about the nodes of each resolution from "
+    "coarse "
+    "to\n"
+    "fine, or --tets-from FILE.mesh [..]; --damping S (s; default 0). Options with several values "
+    "belong\n"
+    "into a model file.\n";
 
 #define BAKE_OPTIONS                                                                               \
-    BODY_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},                \
+    BODY_OPTIONS, TET_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},   \
         {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1}, {"--storage", 1},        \
         {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1}, {                               \
         "--detail-levels", 1                                                                       \
@@ -71,6 +78,7 @@ static const option file_options[] = {BAKE_OPTIONS, ZONE_OPTIONS, {NULL, 0}};
 typedef struct {
     body_spec body;
     zone_model zones;
+    tet_model tets;
     const char *input, *output, *save_mesh, *detail;
     bool half, raw, level_chosen, in_file, table_given;
     uint32_t constraint_level, detail_levels;
@@ -96,7 +104,8 @@ static void set_option(void *context, const argument *a) {
     if (o == NULL) {
         if (s->input != NULL) die(EXIT_USAGE, "one input mesh, not also '%s'", a->value[0]);
         s->input = a->value[0];
-    } else if (zone_option(&s->zones, &s->body, a) || take_body_option(s, a)) {
+    } else if (zone_option(&s->zones, &s->body, a) || tet_option(&s->tets, &s->body, a) ||
+               take_body_option(s, a)) {
         return;
     } else if (strcmp(o, "-o") == 0) {
         s->output = a->value[0];
@@ -155,7 +164,7 @@ static bake_spec read_spec(int argc, char **argv) {
     s.body.folder = NULL;
     s.in_file = false;
     args_parse(argc, argv, options, help, set_option, &s);
-    if (s.body.mesh_path == NULL && s.zones.zones == 0)
+    if (s.body.mesh_path == NULL && s.zones.zones == 0 && s.tets.levels == 0)
         die(EXIT_USAGE, "%s: no 'mesh FILE' line", input);
     return s;
 }
@@ -255,13 +264,29 @@ static int bake_zones(bake_spec *s, output *out, double start) {
     return EXIT_SUCCESS;
 }
 
+static int bake_tets(const bake_spec *s, output *out, double start) {
+    FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
+    if (s->zones.zones > 0) die(EXIT_USAGE, "a model has zones or tets, not both");
+    if (s->raw || s->detail != NULL || s->level_chosen || s->half || s->body.compliance != NULL)
+        die(EXIT_USAGE, "a model with tets has no Green's functions to store, compress or show");
+    size_t size;
+    uint8_t *bytes = tet_bake(&s->tets, &s->body, s->save_mesh, f, &size);
+    if (fwrite(bytes, 1, size, out->file) != size) die(EXIT_WORK, "cannot write %s", s->output);
+    commit_output(out);
+    fprintf(f, "time                  %.1f s on %" PRIu32 " thread(s)\n", now_s() - start,
+            thread_count());
+    free(bytes);
+    return EXIT_SUCCESS;
+}
+
 int command_bake(int argc, char **argv) {
     double start = now_s();
     bake_spec s = read_spec(argc, argv);
     if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
     if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
-    if (s.zones.zones == 0) body_require(&s.body);
+    if (s.zones.zones == 0 && s.tets.levels == 0) body_require(&s.body);
     output out = open_output(s.output);
+    if (s.tets.levels > 0) return bake_tets(&s, &out, start);
     if (s.zones.zones > 0) return bake_zones(&s, &out, start);
 
     mesh m = body_mesh(&s.body);

@@ -6,16 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MAX_SECTIONS BLOB_MAX_SECTIONS
-
-typedef struct {
-    palp_blob_entry entry[MAX_SECTIONS];
-    const void *data[MAX_SECTIONS];
-    uint32_t count;
-} section_list;
-
-static void add(section_list *l, uint32_t type, const void *data, uint64_t count,
-                size_t element_bytes) {
+void section_add(section_list *l, uint32_t type, const void *data, uint64_t count,
+                 size_t element_bytes) {
     l->data[l->count] = data;
     l->entry[l->count++] =
         (palp_blob_entry){.type = type, .element_bytes = (uint32_t)element_bytes, .count = count};
@@ -77,29 +69,29 @@ static void bounding_box(const mesh *m, palp_meta *meta) {
 
 static void add_domain(section_list *l, uint32_t which, const domain_data *d) {
     uint64_t n = d->view.slots;
-    add(l, PALP_SEC_NODE + which, d->node, n, 4);
-    add(l, PALP_SEC_LEVEL_START + which, d->level_start, d->view.levels + 1u, 4);
-    add(l, PALP_SEC_PARENT + which, d->parent, n, 8);
-    add(l, PALP_SEC_PREDICT + which, d->predict, n, 8);
-    add(l, PALP_SEC_UPDATE + which, d->update, n, 8);
-    add(l, PALP_SEC_CHILD_OFFSET + which, d->child_offset, n + 1, 4);
-    add(l, PALP_SEC_CHILD + which, d->child, d->child_offset[n], 4);
-    add(l, PALP_SEC_CHILD_WEIGHT + which, d->child_weight, d->child_offset[n], 4);
+    section_add(l, PALP_SEC_NODE + which, d->node, n, 4);
+    section_add(l, PALP_SEC_LEVEL_START + which, d->level_start, d->view.levels + 1u, 4);
+    section_add(l, PALP_SEC_PARENT + which, d->parent, n, 8);
+    section_add(l, PALP_SEC_PREDICT + which, d->predict, n, 8);
+    section_add(l, PALP_SEC_UPDATE + which, d->update, n, 8);
+    section_add(l, PALP_SEC_CHILD_OFFSET + which, d->child_offset, n + 1, 4);
+    section_add(l, PALP_SEC_CHILD + which, d->child, d->child_offset[n], 4);
+    section_add(l, PALP_SEC_CHILD_WEIGHT + which, d->child_weight, d->child_offset[n], 4);
     if (d->stencil_offset == NULL) return;
-    add(l, PALP_SEC_STENCIL_OFFSET + which, d->stencil_offset, n + 1, 4);
-    add(l, PALP_SEC_STENCIL + which, d->stencil, d->stencil_offset[n], 4);
-    add(l, PALP_SEC_STENCIL_WEIGHT + which, d->stencil_weight, d->stencil_offset[n], 4);
+    section_add(l, PALP_SEC_STENCIL_OFFSET + which, d->stencil_offset, n + 1, 4);
+    section_add(l, PALP_SEC_STENCIL + which, d->stencil, d->stencil_offset[n], 4);
+    section_add(l, PALP_SEC_STENCIL_WEIGHT + which, d->stencil_weight, d->stencil_offset[n], 4);
 }
 
 /* Four sections, `step` apart. */
 static void add_columns(section_list *l, uint32_t type, uint32_t step, const columns_data *c) {
     uint64_t groups = c->offset[c->view.columns];
     size_t width = c->half != NULL ? 2 : 4;
-    add(l, type, c->offset, c->view.columns + 1u, 4);
-    add(l, type + step, c->index, groups, PALP_LANES * 2);
-    add(l, type + 2 * step, c->half != NULL ? (void *)c->half : (void *)c->value, groups,
-        c->view.entries * PALP_LANES * width);
-    add(l, type + 3 * step, c->scale, c->view.columns, 4);
+    section_add(l, type, c->offset, c->view.columns + 1u, 4);
+    section_add(l, type + step, c->index, groups, PALP_LANES * 2);
+    section_add(l, type + 2 * step, c->half != NULL ? (void *)c->half : (void *)c->value, groups,
+                c->view.entries * PALP_LANES * width);
+    section_add(l, type + 3 * step, c->scale, c->view.columns, 4);
 }
 
 /* Areas of every level one after the other; returns them, to be freed. */
@@ -113,24 +105,24 @@ static float *add_levels(section_list *l, const blob_content *c) {
         for (uint32_t i = 0; i < nodes; i++) *at++ = (float)c->h->area[k][i];
         if (c->coarse[k] != NULL) add_columns(l, PALP_SEC_LEVEL_OFFSET + type, 1, c->coarse[k]);
         if (c->table[k] != NULL) {
-            add(l, PALP_SEC_LEVEL_TABLE + type, c->table[k], (uint64_t)nodes * (nodes + 1u) / 2,
-                36);
+            section_add(l, PALP_SEC_LEVEL_TABLE + type, c->table[k],
+                        (uint64_t)nodes * (nodes + 1u) / 2, 36);
         }
     }
-    add(l, PALP_SEC_LEVEL_AREA, area, count, 4);
+    section_add(l, PALP_SEC_LEVEL_AREA, area, count, 4);
     return area;
 }
 
 static void add_detail(section_list *l, const detail_data *d, uint32_t nodes) {
     if (d == NULL) return;
     uint32_t entries = d->offset[d->vertices];
-    add(l, PALP_SEC_DETAIL_OFFSET, d->offset, d->vertices + 1u, 4);
-    add(l, PALP_SEC_DETAIL_NODE, d->node, entries, 4);
-    add(l, PALP_SEC_DETAIL_WEIGHT, d->weight, entries, 4);
-    add(l, PALP_SEC_DETAIL_HEIGHT, d->height, d->vertices, 4);
-    add(l, PALP_SEC_DETAIL_TRIANGLE, d->t, d->triangles, 12);
-    add(l, PALP_SEC_DETAIL_NEAR, d->near, nodes + 1u, 4);
-    add(l, PALP_SEC_DETAIL_LIST, d->list, d->vertices, 4);
+    section_add(l, PALP_SEC_DETAIL_OFFSET, d->offset, d->vertices + 1u, 4);
+    section_add(l, PALP_SEC_DETAIL_NODE, d->node, entries, 4);
+    section_add(l, PALP_SEC_DETAIL_WEIGHT, d->weight, entries, 4);
+    section_add(l, PALP_SEC_DETAIL_HEIGHT, d->height, d->vertices, 4);
+    section_add(l, PALP_SEC_DETAIL_TRIANGLE, d->t, d->triangles, 12);
+    section_add(l, PALP_SEC_DETAIL_NEAR, d->near, nodes + 1u, 4);
+    section_add(l, PALP_SEC_DETAIL_LIST, d->list, d->vertices, 4);
 }
 
 /* Insertion sort by type: the table must ascend. */
@@ -183,7 +175,7 @@ uint8_t *blob_assemble(const palp_blob_entry *entry, const void *const *data, ui
                        size_t *bytes) {
     section_list l = {.count = 0};
     for (uint32_t i = 0; i < count; i++)
-        add(&l, entry[i].type, data[i], entry[i].count, entry[i].element_bytes);
+        section_add(&l, entry[i].type, data[i], entry[i].count, entry[i].element_bytes);
     return lay_out(&l, bytes);
 }
 
@@ -216,23 +208,23 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     float *rest = to_floats(m->x[0], 3 * (size_t)m->vertices);
     float *normal = to_floats(c->normal[0], 3 * (size_t)m->vertices);
     float *area = to_floats(c->area, m->vertices);
-    add(&l, PALP_SEC_META, meta, 1, sizeof *meta);
-    add(&l, PALP_SEC_REST, rest, m->vertices, 12);
-    add(&l, PALP_SEC_NORMAL, normal, m->vertices, 12);
-    add(&l, PALP_SEC_AREA, area, m->vertices, 4);
+    section_add(&l, PALP_SEC_META, meta, 1, sizeof *meta);
+    section_add(&l, PALP_SEC_REST, rest, m->vertices, 12);
+    section_add(&l, PALP_SEC_NORMAL, normal, m->vertices, 12);
+    section_add(&l, PALP_SEC_AREA, area, m->vertices, 4);
     float *none = allocate(m->vertices, sizeof *none);
-    add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
+    section_add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
     float *level_area = add_levels(&l, c);
     add_detail(&l, c->detail, m->vertices);
     meta->detail_vertices = c->detail != NULL ? c->detail->vertices : 0;
     meta->detail_triangles = c->detail != NULL ? c->detail->triangles : 0;
-    add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);
-    add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
-    add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);
-    add(&l, PALP_SEC_RING, ring, ring_offset[m->vertices], 4);
-    add(&l, PALP_SEC_CELL_OFFSET, cell_offset,
-        (uint64_t)meta->cells[0] * meta->cells[1] * meta->cells[2] + 1, 4);
-    add(&l, PALP_SEC_CELL_NODE, cell_node, m->vertices, 4);
+    section_add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);
+    section_add(&l, PALP_SEC_SLOT, slot, m->vertices, 4);
+    section_add(&l, PALP_SEC_RING_OFFSET, ring_offset, m->vertices + 1u, 4);
+    section_add(&l, PALP_SEC_RING, ring, ring_offset[m->vertices], 4);
+    section_add(&l, PALP_SEC_CELL_OFFSET, cell_offset,
+                (uint64_t)meta->cells[0] * meta->cells[1] * meta->cells[2] + 1, 4);
+    section_add(&l, PALP_SEC_CELL_NODE, cell_node, m->vertices, 4);
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) add_domain(&l, d, c->domain[d]);
     for (uint32_t block = 0; block < PALP_DOMAINS * PALP_DOMAINS; block++) {
         const columns_data *columns = c->columns[block / PALP_DOMAINS][block % PALP_DOMAINS];

@@ -26,6 +26,15 @@ typedef struct {
     const columns_data *columns[PALP_DOMAINS][PALP_DOMAINS]; /* NULL: not stored */
 } blob_content;
 
+/* Sections of a blob on their way into it; data are borrowed. */
+typedef struct {
+    palp_blob_entry entry[BLOB_MAX_SECTIONS];
+    const void *data[BLOB_MAX_SECTIONS];
+    uint32_t count;
+} section_list;
+void section_add(section_list *l, uint32_t type, const void *data, uint64_t count,
+                 size_t element_bytes);
+
 /* Lays sections out (type, element_bytes and count of each entry are read) with offsets and CRCs.
  */
 uint8_t *blob_assemble(const palp_blob_entry *entry, const void *const *data, uint32_t count,

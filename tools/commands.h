@@ -8,6 +8,7 @@
 int command_remesh(int argc, char **argv);
 int command_subdivide(int argc, char **argv);
 int command_bake(int argc, char **argv);
+int command_fill(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_solve(int argc, char **argv);
 int command_study(int argc, char **argv);

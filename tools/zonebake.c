@@ -419,18 +419,6 @@ static void bake_zone(zone_bakery *b, uint32_t i, const build_options *options) 
 
 /* ---- the file ---- */
 
-typedef struct {
-    palp_blob_entry entry[BLOB_MAX_SECTIONS];
-    const void *data[BLOB_MAX_SECTIONS];
-    uint32_t count;
-} section_table;
-
-static void add(section_table *t, uint32_t type, const void *data, uint64_t count, size_t size) {
-    t->data[t->count] = data;
-    t->entry[t->count++] =
-        (palp_blob_entry){.type = type, .element_bytes = (uint32_t)size, .count = count};
-}
-
 static palp_joint_entry joint_entry(const joint_spec *j) {
     palp_joint_entry e = {.kind = (uint32_t)j->kind,
                           .parent = j->parent,
@@ -458,7 +446,7 @@ static palp_zone_entry zone_entry(const zone_spec *s, uint32_t modes) {
 
 static uint8_t *write_model(zone_bakery *b, size_t *bytes) {
     const zone_model *z = b->z;
-    static section_table t;
+    static section_list t;
     palp_zones_meta meta = {.zones = z->zones, .joints = z->joints, .seams = b->seams};
     palp_zone_entry zones[PALP_MAX_ZONES];
     palp_joint_entry joints[PALP_MAX_JOINTS];
@@ -479,20 +467,22 @@ static uint8_t *write_model(zone_bakery *b, size_t *bytes) {
     }
     for (uint32_t i = 0; i < z->zones; i++) zones[i] = zone_entry(&z->zone[i], b->zone[i].modes);
     for (uint32_t j = 0; j < z->joints; j++) joints[j] = joint_entry(&z->joint[j]);
-    add(&t, PALP_SEC_ZONES, &meta, 1, sizeof meta);
-    add(&t, PALP_SEC_ZONE, zones, z->zones, sizeof *zones);
-    add(&t, PALP_SEC_JOINT, joints, z->joints, sizeof *joints);
-    add(&t, PALP_SEC_SEAM, b->entry, b->seams, sizeof *b->entry);
-    add(&t, PALP_SEC_SEAM_NODE, node, nodes, sizeof *node);
-    add(&t, PALP_SEC_SEAM_MODE, mode, values, sizeof *mode);
+    section_add(&t, PALP_SEC_ZONES, &meta, 1, sizeof meta);
+    section_add(&t, PALP_SEC_ZONE, zones, z->zones, sizeof *zones);
+    section_add(&t, PALP_SEC_JOINT, joints, z->joints, sizeof *joints);
+    section_add(&t, PALP_SEC_SEAM, b->entry, b->seams, sizeof *b->entry);
+    section_add(&t, PALP_SEC_SEAM_NODE, node, nodes, sizeof *node);
+    section_add(&t, PALP_SEC_SEAM_MODE, mode, values, sizeof *mode);
     for (uint32_t i = 0; i < z->zones; i++) {
         const zone_data *d = &b->zone[i];
         uint64_t m = d->modes;
-        add(&t, PALP_SEC_ZONE_BLOB + i, d->blob.bytes, d->blob.size, 1);
-        add(&t, PALP_SEC_STIFFNESS + i, d->stiffness, m * (m + 1) / 2, 36);
-        add(&t, PALP_SEC_FOLLOW + i, d->follow, m * d->blob.meta.domain_nodes[PALP_FREE], 36);
-        add(&t, PALP_SEC_REACTION + i, d->reaction, m * d->blob.meta.domain_nodes[PALP_FIXED], 36);
-        if (d->weight != NULL) add(&t, PALP_SEC_WEIGHT + i, d->weight, m, 36);
+        section_add(&t, PALP_SEC_ZONE_BLOB + i, d->blob.bytes, d->blob.size, 1);
+        section_add(&t, PALP_SEC_STIFFNESS + i, d->stiffness, m * (m + 1) / 2, 36);
+        section_add(&t, PALP_SEC_FOLLOW + i, d->follow, m * d->blob.meta.domain_nodes[PALP_FREE],
+                    36);
+        section_add(&t, PALP_SEC_REACTION + i, d->reaction,
+                    m * d->blob.meta.domain_nodes[PALP_FIXED], 36);
+        if (d->weight != NULL) section_add(&t, PALP_SEC_WEIGHT + i, d->weight, m, 36);
     }
     uint8_t *out = blob_assemble(t.entry, t.data, t.count, bytes);
     free(node);

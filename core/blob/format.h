@@ -104,6 +104,30 @@ typedef enum {
     PALP_SEC_FOLLOW = 640,    /* + zone: f32[free slots][M][9] displacement by seam modes */
     PALP_SEC_REACTION = 672,  /* + zone: f32[fixed slots][M][9] reactions to seam modes, N/m */
     PALP_SEC_WEIGHT = 704,    /* + zone: f32[M][9] seam reaction to unit acceleration, kg */
+
+    /* A body of tetrahedra at several resolutions; nodes, tetrahedra and families of all levels in
+     * one count, coarse to fine. */
+    PALP_SEC_TETS = 768,                 /* palp_tets_meta */
+    PALP_SEC_TET_REST = 769,             /* f32[nodes][3] rest positions, m */
+    PALP_SEC_TET_NODE = 770,             /* palp_tet_node[nodes] */
+    PALP_SEC_TET = 771,                  /* palp_tet[tets] */
+    PALP_SEC_TET_AROUND_OFFSET = 772,    /* u32[nodes + 1] */
+    PALP_SEC_TET_AROUND = 773,           /* u32[4 tets] tetrahedra of each node */
+    PALP_SEC_TET_CONTAINER = 774,        /* u32[nodes] of the next coarser level, at each node */
+    PALP_SEC_TET_CONTAINER_WEIGHT = 775, /* f32[nodes][4] the node's place in it */
+    PALP_SEC_TET_FAMILY = 776,           /* u32[nodes][2] that it is a child of, a parent of */
+    PALP_SEC_TET_CHILD_OFFSET = 777,     /* u32[families + 1] */
+    PALP_SEC_TET_CHILD = 778,            /* u32[] nodes of the finer level */
+    PALP_SEC_TET_PARENT_OFFSET = 779,    /* u32[families + 1] */
+    PALP_SEC_TET_PARENT = 780,           /* u32[] nodes of the coarser level */
+    PALP_SEC_TET_MEAN_OFFSET = 781,      /* u32[nodes + 1] */
+    PALP_SEC_TET_MEAN = 782,             /* u32[] children that stand for each parent */
+    PALP_SEC_TET_MEAN_WEIGHT = 783,      /* f32[] and their shares */
+    PALP_SEC_SKIN_NODE = 784,            /* u32[skin] nodes of the finest level */
+    PALP_SEC_SKIN_TRIANGLE = 785,        /* u32[skin_triangles][3] outward */
+    PALP_SEC_SKIN_NORMAL = 786,          /* f32[skin][3] */
+    PALP_SEC_SKIN_TET = 787,             /* u32[skin][levels] where each vertex hangs */
+    PALP_SEC_SKIN_WEIGHT = 788,          /* f32[skin][levels][4] */
 } palp_section;
 
 #define PALP_MAX_ZONES 32u
@@ -199,5 +223,39 @@ _Static_assert(sizeof(palp_blob_entry) == 32, "table entry layout");
 
 _Static_assert(sizeof(palp_meta) == 192, "meta layout");
 _Static_assert(sizeof(float) == 4, "IEEE single");
+
+/* ---- dynamic bodies (AD) ---- */
+
+#define PALP_TET_LEVELS 5u
+
+typedef struct {
+    uint32_t nodes, tets, families, levels, skin, skin_triangles;
+    uint32_t first_node[PALP_TET_LEVELS + 1u], first_tet[PALP_TET_LEVELS + 1u];
+    uint32_t first_family[PALP_TET_LEVELS + 1u];       /* [l]: between the levels l and l + 1 */
+    float young_Pa, poisson, density_kg_m3, damping_s; /* phi = damping lambda, psi = damping mu */
+    float diagonal_m;                                  /* of the bounding box */
+    uint8_t mesh_sha256[32];
+} palp_tets_meta;
+
+#define PALP_TET_PINNED 1u
+
+/* What a node is, without its material. */
+typedef struct {
+    float volume_m3; /* a quarter of that of its tetrahedra */
+    float spread[6]; /* sum of V b b^T: xx, yy, zz, yz, zx, xy; the Jacobian at rest (AD 11) is
+                        -((lambda + mu) spread + mu tr(spread) I) */
+    float near_m;    /* h: distance to its nearest neighbour (AD 9, 10) */
+    uint32_t flags;
+} palp_tet_node;
+
+/* One element, one cache line. */
+typedef struct {
+    uint32_t node[4];
+    float b[9];      /* rest gradients of the hats of nodes 1, 2, 3 (AD 5), 1/m */
+    float volume_m3; /* positive */
+    uint32_t unused[2];
+} palp_tet;
+
+_Static_assert(sizeof(palp_tet_node) == 36 && sizeof(palp_tet) == 64, "no padding");
 
 #endif

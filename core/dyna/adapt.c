@@ -1,0 +1,235 @@
+/* SPDX-License-Identifier: MIT */
+#include "adapt.h"
+#include "core/base/arena.h"
+
+#define MOST_CHANGES 64u
+#define NOT_NOW (-1.0f)
+
+palp_adapt_config palp_adapt_defaults(const palp_tets *tets) {
+    float refine_m = 0.002f * tets->meta->diagonal_m;
+    return (palp_adapt_config){
+        .refine_m = refine_m, .merge_m = 0.1f * refine_m, .dwell_ticks = 50, .max_changes = 8};
+}
+
+static void lay_out(palp_adapt *s, const palp_tets *t, palp_arena *a) {
+    s->gamma_m = palp_take(a, t->meta->families + 1u, sizeof(float));
+    s->held = palp_take(a, t->meta->families + 1u, 1);
+    s->age = palp_take(a, t->meta->families + 1u, sizeof(uint32_t));
+}
+
+size_t palp_adapt_memsize(const palp_tets *tets) {
+    palp_adapt s = {.dyna = NULL};
+    palp_arena a = {NULL, 0};
+    lay_out(&s, tets, &a);
+    return a.used;
+}
+
+palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt_config *config,
+                            void *memory, size_t bytes) {
+    palp_adapt s = {.dyna = dyna, .config = *config};
+    palp_arena a = {memory, 0};
+    bool sound = config->merge_m > 0.0f && config->refine_m > config->merge_m &&
+                 palp_is_finite(config->refine_m) && config->max_changes > 0u &&
+                 config->max_changes <= MOST_CHANGES;
+    if (!sound) return PALP_ERR_ARGUMENT;
+    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (memory == NULL || palp_adapt_memsize(dyna->tets) > bytes) return PALP_ERR_MEMORY;
+    lay_out(&s, dyna->tets, &a);
+    *adapt = s;
+    palp_adapt_reset(adapt);
+    return PALP_OK;
+}
+
+void palp_adapt_reset(palp_adapt *adapt) {
+    palp_dyna_reset(adapt->dyna);
+    for (uint32_t f = 0; f < adapt->dyna->tets->meta->families; f++) {
+        adapt->held[f] = 0;
+        adapt->age[f] = 0;
+    }
+}
+
+void palp_adapt_hold(palp_adapt *adapt, uint32_t skin) {
+    const palp_tets *t = adapt->dyna->tets;
+    uint32_t n = t->skin_node[skin];
+    for (uint32_t l = t->meta->levels - 1u; l > 0u; l--) {
+        uint32_t f = t->family[2u * (size_t)n];
+        adapt->held[f] = 1;
+        n = t->parent[t->parent_offset[f]];
+    }
+}
+
+/* ---- measures ---- */
+
+static void raise(float *gamma, float value) {
+    if (*gamma >= 0.0f && value > *gamma) *gamma = value;
+}
+
+static void measure(palp_adapt *s) {
+    const palp_dyna *d = s->dyna;
+    const palp_tets *t = d->tets;
+    for (uint32_t f = 0; f < t->meta->families; f++) s->gamma_m[f] = 0.0f;
+    for (uint32_t i = 0; i < t->meta->nodes; i++) {
+        if (d->state[i] == PALP_ACTIVE) continue;
+        uint32_t up = t->family[2u * (size_t)i], down = t->family[2u * (size_t)i + 1u];
+        if (up != PALP_NONE && d->split[up] != 0u) s->gamma_m[up] = NOT_NOW;
+        if (down != PALP_NONE && d->split[down] == 0u) s->gamma_m[down] = NOT_NOW;
+    }
+    float per_mu = 1.0f / d->config.material.mu_Pa;
+    for (uint32_t k = 0; k < d->active_count; k++) {
+        uint32_t i = d->active[k];
+        if (palp_dyna_pinned(d, i)) continue;
+        uint32_t up = t->family[2u * (size_t)i], down = t->family[2u * (size_t)i + 1u];
+        float f = palp_norm(palp_vec3_at(d->force_N + 3u * (size_t)i));
+        float gamma = f * per_mu / t->node[i].near_m;
+        if (up != PALP_NONE) raise(&s->gamma_m[up], gamma);
+        if (down != PALP_NONE) raise(&s->gamma_m[down], gamma);
+    }
+}
+
+/* ---- neighbours ---- */
+
+/* The first node in the state `bad` among the elements of a family's parents or children. */
+static uint32_t neighbour_in(const palp_dyna *d, const uint32_t *list, uint32_t count,
+                             palp_node_state bad) {
+    const palp_tets *t = d->tets;
+    for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t e = t->around_offset[list[i]]; e < t->around_offset[list[i] + 1u]; e++) {
+            for (uint32_t c = 0; c < 4u; c++) {
+                uint32_t n = t->tet[t->around[e]].node[c];
+                if (d->state[n] == bad) return n;
+            }
+        }
+    }
+    return PALP_NONE;
+}
+
+static uint32_t missing_for_split(const palp_dyna *d, uint32_t f) {
+    const palp_tets *t = d->tets;
+    return neighbour_in(d, t->parent + t->parent_offset[f],
+                        t->parent_offset[f + 1u] - t->parent_offset[f], PALP_ASLEEP);
+}
+
+static bool may_merge(const palp_dyna *d, uint32_t f) {
+    const palp_tets *t = d->tets;
+    return neighbour_in(d, t->child + t->child_offset[f],
+                        t->child_offset[f + 1u] - t->child_offset[f], PALP_SPLIT) == PALP_NONE;
+}
+
+/* ---- changes ---- */
+
+static void split(palp_adapt *s, uint32_t f) {
+    palp_dyna *d = s->dyna;
+    const palp_tets *t = d->tets;
+    for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1u]; k++) {
+        if (!palp_dyna_pinned(d, t->child[k])) palp_dyna_hang(d, t->child[k]);
+    }
+    d->split[f] = 1;
+    s->age[f] = 0;
+    s->gamma_m[f] = NOT_NOW;
+}
+
+static void merge(palp_adapt *s, uint32_t f) {
+    palp_dyna *d = s->dyna;
+    const palp_tets *t = d->tets;
+    for (uint32_t k = t->parent_offset[f]; k < t->parent_offset[f + 1u]; k++) {
+        if (!palp_dyna_pinned(d, t->parent[k])) palp_dyna_mean(d, t->parent[k]);
+    }
+    d->split[f] = 0;
+    s->gamma_m[f] = NOT_NOW;
+}
+
+/* The family that may merge with the smallest measure below `bound`, those under a tool after all
+ * others; PALP_NONE. */
+static uint32_t calmest(palp_adapt *s, float bound, bool forced) {
+    const palp_dyna *d = s->dyna;
+    uint32_t best = PALP_NONE;
+    for (uint32_t f = 0; f < d->tets->meta->families; f++) {
+        bool idle = d->split[f] != 0u && s->gamma_m[f] >= 0.0f && s->gamma_m[f] < bound;
+        bool settled = forced || (s->held[f] == 0u && s->age[f] >= s->config.dwell_ticks);
+        if (!idle || !settled) continue;
+        bool calmer = best == PALP_NONE || s->held[f] < s->held[best] ||
+                      (s->held[f] == s->held[best] && s->gamma_m[f] < s->gamma_m[best]);
+        if (calmer) best = f;
+    }
+    return best;
+}
+
+static void merge_some(palp_adapt *s, uint32_t count, float bound, bool forced,
+                       palp_adapt_report *r) {
+    for (uint32_t k = 0; k < count; k++) {
+        uint32_t f = calmest(s, bound, forced);
+        if (f == PALP_NONE) return;
+        if (!may_merge(s->dyna, f)) {
+            s->gamma_m[f] = NOT_NOW;
+            continue;
+        }
+        merge(s, f);
+        r->merges++;
+        r->forced += forced ? 1u : 0u;
+    }
+}
+
+/* The family that wants most to split; under a tool before all others. */
+static uint32_t keenest(const palp_adapt *s) {
+    const palp_dyna *d = s->dyna;
+    uint32_t best = PALP_NONE;
+    for (uint32_t f = 0; f < d->tets->meta->families; f++) {
+        bool wants = d->split[f] == 0u && s->gamma_m[f] >= 0.0f &&
+                     (s->held[f] != 0u || s->gamma_m[f] > s->config.refine_m);
+        if (!wants) continue;
+        bool keener = best == PALP_NONE || s->held[f] > s->held[best] ||
+                      (s->held[f] == s->held[best] && s->gamma_m[f] > s->gamma_m[best]);
+        if (keener) best = f;
+    }
+    return best;
+}
+
+/* What has to split before f can, which may be f itself; PALP_NONE if that is not possible now. */
+static uint32_t first_to_split(const palp_adapt *s, uint32_t f) {
+    const palp_dyna *d = s->dyna;
+    for (uint32_t l = 0; l < PALP_TET_LEVELS; l++) {
+        uint32_t sleeper = missing_for_split(d, f);
+        if (sleeper == PALP_NONE) return f;
+        f = d->tets->family[2u * (size_t)sleeper];
+        if (d->split[f] != 0u || s->gamma_m[f] < 0.0f) return PALP_NONE;
+    }
+    return PALP_NONE;
+}
+
+static void split_some(palp_adapt *s, uint32_t room, palp_adapt_report *r) {
+    for (uint32_t k = 0; k < s->config.max_changes; k++) {
+        uint32_t f = keenest(s);
+        if (f == PALP_NONE) return;
+        uint32_t first = first_to_split(s, f);
+        if (first == PALP_NONE) {
+            s->gamma_m[f] = NOT_NOW;
+        } else if (s->dyna->cost[first] > room) {
+            s->gamma_m[f] = NOT_NOW;
+            r->refused++;
+        } else {
+            room -= s->dyna->cost[first];
+            split(s, first);
+            r->splits++;
+        }
+    }
+}
+
+palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t most_class) {
+    palp_adapt *s = adapt;
+    palp_dyna *d = s->dyna;
+    palp_adapt_report r = {0, 0, 0, 0};
+    measure(s);
+    uint32_t work = palp_dyna_work(d, most_class);
+    if (work > max_work) {
+        merge_some(s, s->config.max_changes, 3e38f, true, &r);
+    } else {
+        merge_some(s, s->config.max_changes, s->config.merge_m, false, &r);
+        split_some(s, max_work - work, &r);
+    }
+    for (uint32_t f = 0; f < d->tets->meta->families; f++) {
+        s->held[f] = 0;
+        if (s->age[f] < UINT32_MAX) s->age[f]++;
+    }
+    if (r.splits + r.merges > 0u) palp_dyna_relist(d);
+    return r;
+}

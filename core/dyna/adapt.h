@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Where the mesh is refined and where it is merged (AD 2.2, 3.3).
+ *
+ * A node's measure gamma = |f| / (mu h) (AD 9, m) is how far its displacements are from linear. A
+ * family whose parents are active splits when one of them exceeds refine_m; it merges when all of
+ * its children have been below merge_m for a while. Families under a tool split, and stay.
+ *
+ * Neighbours differ by one level at most: a family waits to split until the elements of its parents
+ * are all there on their level, and asks for what is missing first.
+ *
+ * The rate is guaranteed by a cap on the element evaluations of a tick: no family splits when the
+ * tick could then exceed it (AD 3.3), and when it is exceeded, because the cap came down, families
+ * merge with the smallest gamma first.
+ */
+#ifndef PALP_DYNA_ADAPT_H
+#define PALP_DYNA_ADAPT_H
+
+#include "core/dyna/dyna.h"
+
+typedef struct {
+    float refine_m, merge_m; /* gamma_max, gamma_min */
+    uint32_t dwell_ticks;    /* between the split of a family and its merging */
+    uint32_t max_changes;    /* families per tick */
+} palp_adapt_config;
+
+/* gamma_max = 0.2 % of the diagonal, a tenth of it to merge (a child's gamma is about a quarter of
+ * its parent's), 50 ticks, 8 changes. */
+palp_adapt_config palp_adapt_defaults(const palp_tets *tets);
+
+typedef struct {
+    palp_dyna *dyna;
+    palp_adapt_config config;
+    float *gamma_m; /* [families] largest of the parents if they may split, of the children if
+                       those may merge, else -1 */
+    uint8_t *held;  /* [families] a tool is near */
+    uint32_t *age;  /* [families] ticks since it split */
+} palp_adapt;
+
+typedef struct {
+    uint32_t splits, merges;
+    uint32_t refused; /* families that wanted to split and would have exceeded the cap */
+    uint32_t forced;  /* of the merges: because the cap is exceeded */
+} palp_adapt_report;
+
+size_t palp_adapt_memsize(const palp_tets *tets);
+
+/* Errors: ARGUMENT (thresholds not positive, merge_m not below refine_m, max_changes 0 or beyond
+ * 64), ALIGNMENT, MEMORY. */
+palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt_config *config,
+                            void *memory, size_t bytes);
+
+void palp_adapt_reset(palp_adapt *adapt);
+
+/* A tool is near this skin vertex: until the next palp_adapt_tick its families want to split. */
+void palp_adapt_hold(palp_adapt *adapt, uint32_t skin);
+
+/*
+ * Measures, then merges and splits within max_work evaluations per tick at steps of `most_class`.
+ * Cost: 12 per active node, 4 per family, per change one look at the family's elements and one at
+ * all families, and palp_dyna_relist if anything changed.
+ */
+palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t most_class);
+
+#endif

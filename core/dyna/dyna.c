@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: MIT */
+#include "dyna.h"
+#include "core/base/arena.h"
+
+#define SAFETY 1.05f  /* of the filter's mass over the least that is stable */
+#define HEADROOM 1.3f /* growth of the stiffness that steps are chosen for, without the filter */
+
+static void lay_out(palp_dyna *d, palp_arena *a) {
+    const palp_tets_meta *m = d->tets->meta;
+    size_t n = m->nodes;
+    d->u_m = palp_take(a, 3u * n, sizeof(float));
+    d->v_m_s = palp_take(a, 3u * n, sizeof(float));
+    d->impulse_Ns = palp_take(a, 3u * n, sizeof(float));
+    d->force_N = palp_take(a, 3u * n, sizeof(float));
+    d->mass_kg = palp_take(a, n, sizeof(float));
+    d->j_N_per_m = palp_take(a, n, sizeof(float));
+    d->c_N_s_per_m = palp_take(a, n, sizeof(float));
+    d->limit_s = palp_take(a, n, sizeof(float));
+    d->stretch = palp_take(a, n, sizeof(float));
+    d->state = palp_take(a, n, 1);
+    d->step_class = palp_take(a, n, 1);
+    d->needed = palp_take(a, n, 1);
+    d->split = palp_take(a, m->families + 1u, 1);
+    d->cost = palp_take(a, m->families + 1u, sizeof(uint32_t));
+    d->element_class = palp_take(a, m->tets, 1);
+    d->skin_level = palp_take(a, m->skin, 1);
+    d->active = palp_take(a, n, sizeof(uint32_t));
+    d->up = palp_take(a, n, sizeof(uint32_t));
+    d->down = palp_take(a, n, sizeof(uint32_t));
+    d->element = palp_take(a, m->tets, sizeof(uint32_t));
+}
+
+size_t palp_dyna_memsize(const palp_tets *tets) {
+    palp_dyna d = {.tets = tets};
+    palp_arena a = {NULL, 0};
+    lay_out(&d, &a);
+    return a.used;
+}
+
+/* ---- what the material makes of the nodes ---- */
+
+/* Largest eigenvalue of a s + b tr(s) I, from above: no row sum and no trace is below it. */
+static float largest(const float s[6], float a, float b) {
+    float trace = s[0] + s[1] + s[2];
+    float yz = palp_abs(s[3]), zx = palp_abs(s[4]), xy = palp_abs(s[5]);
+    float row = palp_max(palp_max(s[0] + xy + zx, s[1] + xy + yz), s[2] + yz + zx);
+    return a * palp_min(trace, row) + b * trace;
+}
+
+/* The step up to which m >= dt^2 j + 2 dt c. */
+static float limit(float m, float j, float c) { return m / (c + palp_sqrt(c * c + m * j)); }
+
+static uint32_t class_for(const palp_dyna *d, float step_s) {
+    uint32_t k = 0;
+    for (float dt = d->config.tick_s; dt > step_s && k < d->config.most_class; dt *= 0.5f) k++;
+    return k;
+}
+
+static void weigh_nodes(palp_dyna *d) {
+    const palp_material *m = &d->config.material;
+    for (uint32_t i = 0; i < d->tets->meta->nodes; i++) {
+        const palp_tet_node *n = &d->tets->node[i];
+        float stiff = palp_max(m->lambda_Pa + m->mu_Pa, 0.0f);
+        d->mass_kg[i] = m->density_kg_m3 * n->volume_m3;
+        d->j_N_per_m[i] = largest(n->spread, stiff, m->mu_Pa);
+        d->c_N_s_per_m[i] =
+            largest(n->spread, palp_max(m->phi_Pa_s + m->psi_Pa_s, 0.0f), m->psi_Pa_s);
+        d->limit_s[i] = limit(d->mass_kg[i], SAFETY * HEADROOM * d->j_N_per_m[i],
+                              SAFETY * HEADROOM * d->c_N_s_per_m[i]);
+        d->step_class[i] = (uint8_t)class_for(d, d->limit_s[i]);
+    }
+}
+
+/* Every element with a child of the family, once: by its first corner that is one. */
+static void price_families(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    for (uint32_t f = 0; f < t->meta->families; f++) {
+        uint32_t sum = 0;
+        for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1u]; k++) {
+            uint32_t child = t->child[k];
+            for (uint32_t e = t->around_offset[child]; e < t->around_offset[child + 1u]; e++) {
+                const uint32_t *n = t->tet[t->around[e]].node;
+                uint32_t fastest = 0, first = 4;
+                for (uint32_t c = 4; c-- > 0u;) {
+                    if (d->step_class[n[c]] > fastest) fastest = d->step_class[n[c]];
+                    if (t->family[2u * (size_t)n[c]] == f) first = c;
+                }
+                if (n[first] == child) sum += 1u << fastest;
+            }
+        }
+        d->cost[f] = sum;
+    }
+}
+
+palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dyna_config *config,
+                           void *memory, size_t bytes) {
+    const palp_material *m = &config->material;
+    bool sound = m->mu_Pa > 0.0f && 3.0f * m->lambda_Pa + 2.0f * m->mu_Pa > 0.0f &&
+                 m->psi_Pa_s >= 0.0f && 3.0f * m->phi_Pa_s + 2.0f * m->psi_Pa_s >= 0.0f &&
+                 m->density_kg_m3 > 0.0f && config->tick_s > 0.0f &&
+                 config->most_class < PALP_STEP_CLASSES &&
+                 palp_is_finite(m->mu_Pa + m->lambda_Pa + m->psi_Pa_s + m->phi_Pa_s) &&
+                 palp_is_finite(m->density_kg_m3 + config->tick_s) &&
+                 palp_vec3_is_finite(config->gravity_m_s2);
+    if (!sound) return PALP_ERR_ARGUMENT;
+    palp_dyna d = {.tets = tets, .config = *config};
+    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    palp_arena a = {memory, 0};
+    if (memory == NULL || palp_dyna_memsize(tets) > bytes) return PALP_ERR_MEMORY;
+    lay_out(&d, &a);
+    weigh_nodes(&d);
+    price_families(&d);
+    *dyna = d;
+    palp_dyna_reset(dyna);
+    return PALP_OK;
+}
+
+void palp_dyna_reset(palp_dyna *dyna) {
+    for (size_t i = 0; i < 3u * (size_t)dyna->tets->meta->nodes; i++)
+        dyna->u_m[i] = dyna->v_m_s[i] = dyna->impulse_Ns[i] = dyna->force_N[i] = 0.0f;
+    for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++) dyna->stretch[i] = 1.0f;
+    for (uint32_t f = 0; f < dyna->tets->meta->families; f++) dyna->split[f] = 0;
+    dyna->evaluations = dyna->moves = dyna->followed = 0;
+    dyna->stored_J = 0.0f;
+    palp_dyna_relist(dyna);
+}
+
+/* ---- steps ---- */
+
+static uint32_t class_in_use(const palp_dyna *d, uint32_t most_class) {
+    return d->top_class < most_class ? d->top_class : most_class;
+}
+
+uint32_t palp_dyna_steps(const palp_dyna *dyna, uint32_t most_class) {
+    return 1u << class_in_use(dyna, most_class);
+}
+
+uint32_t palp_dyna_work(const palp_dyna *dyna, uint32_t most_class) {
+    uint32_t sum = 0, top = class_in_use(dyna, most_class);
+    for (uint32_t c = 0; c < PALP_STEP_CLASSES; c++) {
+        uint32_t count = dyna->class_start[c + 1u] - dyna->class_start[c];
+        sum += count << (c < top ? c : top);
+    }
+    return sum;
+}
+
+static void gather(const palp_dyna *d, const uint32_t *element, uint32_t count,
+                   palp_element_lanes *e) {
+    for (uint32_t k = 0; k < PALP_LANES; k++) {
+        const palp_tet *t = &d->tets->tet[element[k < count ? k : 0u]];
+        for (uint32_t c = 0; c < 4u; c++) {
+            const float *u = d->u_m + 3u * (size_t)t->node[c];
+            const float *v = d->v_m_s + 3u * (size_t)t->node[c];
+            for (uint32_t a = 0; a < 3u; a++) {
+                e->u[c][a][k] = u[a];
+                e->v[c][a][k] = v[a];
+            }
+        }
+        for (uint32_t b = 0; b < 9u; b++) e->b[b][k] = t->b[b];
+        e->volume[k] = t->volume_m3;
+    }
+}
+
+static void scatter(palp_dyna *d, const uint32_t *element, uint32_t count,
+                    const palp_element_lanes *e, float dt_s, bool first) {
+    for (uint32_t k = 0; k < count; k++) {
+        const palp_tet *t = &d->tets->tet[element[k]];
+        uint32_t at_work = 0;
+        for (uint32_t c = 0; c < 4u; c++) {
+            uint32_t n = t->node[c];
+            if (d->state[n] != PALP_ACTIVE) continue; /* interface nodes only follow */
+            at_work++;
+            float *p = d->impulse_Ns + 3u * (size_t)n;
+            for (uint32_t a = 0; a < 3u; a++) p[a] += dt_s * e->f[c][a][k];
+            d->stretch[n] = palp_max(d->stretch[n], e->stretch[k]);
+            if (!first) continue;
+            float *f = d->force_N + 3u * (size_t)n;
+            for (uint32_t a = 0; a < 3u; a++) f[a] += e->f[c][a][k];
+        }
+        if (first) d->stored_J += 0.25f * (float)at_work * e->energy_J[k];
+    }
+}
+
+static void evaluate(palp_dyna *d, uint32_t from, uint32_t to, float dt_s, bool first) {
+    palp_element_lanes lanes;
+    for (uint32_t i = from; i < to; i += PALP_LANES) {
+        uint32_t count = to - i < PALP_LANES ? to - i : PALP_LANES;
+        gather(d, d->element + i, count, &lanes);
+        palp_element_forces(&lanes, &d->config.material);
+        scatter(d, d->element + i, count, &lanes, dt_s, first);
+    }
+    d->evaluations += to - from;
+}
+
+static void clear(palp_dyna *d, uint32_t n, bool first) {
+    for (size_t k = 3u * (size_t)n; k < 3u * (size_t)n + 3u; k++) {
+        d->impulse_Ns[k] = 0.0f;
+        if (first) d->force_N[k] = 0.0f;
+    }
+    if (first) d->stretch[n] = 1.0f;
+}
+
+void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
+    palp_dyna *d = dyna;
+    for (uint32_t i = 0; i < d->active_count; i++) clear(d, d->active[i], s == 0u);
+    if (s == 0u) d->stored_J = 0.0f;
+    uint32_t top = 0;
+    while (1u << top < steps) top++;
+    float dt_s = d->config.tick_s;
+    for (uint32_t c = 0; c <= top; c++, dt_s *= 0.5f) {
+        uint32_t end = c == top ? PALP_STEP_CLASSES : c + 1u; /* finer ones go with the last */
+        bool due = (s & ((steps >> c) - 1u)) == 0u;
+        if (due) evaluate(d, d->class_start[c], d->class_start[end], dt_s, s == 0u);
+    }
+}
+
+void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
+    palp_dyna *d = dyna;
+    const float tick = d->config.tick_s, dt = tick / (float)steps;
+    const palp_vec3 g = palp_scale(dt, d->config.gravity_m_s2);
+    for (uint32_t i = 0; i < d->active_count; i++) {
+        uint32_t n = d->active[i];
+        if (palp_dyna_pinned(d, n)) continue;
+        float own = palp_max(tick / (float)(1u << d->step_class[n]), dt);
+        float grown = SAFETY * d->stretch[n] * own;
+        float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
+        float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
+        float *v = d->v_m_s + 3u * (size_t)n, *u = d->u_m + 3u * (size_t)n;
+        const float *p = d->impulse_Ns + 3u * (size_t)n;
+        v[0] += per_mass * p[0] + g.x;
+        v[1] += per_mass * p[1] + g.y;
+        v[2] += per_mass * p[2] + g.z;
+        for (uint32_t a = 0; a < 3u; a++) u[a] += dt * v[a];
+    }
+    d->moves += d->active_count;
+}
+
+void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
+    const palp_tets *t = dyna->tets;
+    const uint32_t *corner = t->tet[t->container[node]].node;
+    const float *w = t->container_weight + 4u * (size_t)node;
+    for (uint32_t a = 0; a < 3u; a++) {
+        float u = 0.0f, v = 0.0f;
+        for (uint32_t c = 0; c < 4u; c++) {
+            u += w[c] * dyna->u_m[3u * (size_t)corner[c] + a];
+            v += w[c] * dyna->v_m_s[3u * (size_t)corner[c] + a];
+        }
+        dyna->u_m[3u * (size_t)node + a] = u;
+        dyna->v_m_s[3u * (size_t)node + a] = v;
+    }
+}
+
+void palp_dyna_mean(palp_dyna *dyna, uint32_t node) {
+    const palp_tets *t = dyna->tets;
+    for (uint32_t a = 0; a < 3u; a++) {
+        float u = 0.0f, v = 0.0f;
+        for (uint32_t k = t->mean_offset[node]; k < t->mean_offset[node + 1u]; k++) {
+            size_t at = 3u * (size_t)t->mean[k] + a;
+            u += t->mean_weight[k] * dyna->u_m[at];
+            v += t->mean_weight[k] * dyna->v_m_s[at];
+        }
+        dyna->u_m[3u * (size_t)node + a] = u;
+        dyna->v_m_s[3u * (size_t)node + a] = v;
+    }
+}
+
+void palp_dyna_follow(palp_dyna *dyna) {
+    for (uint32_t i = 0; i < dyna->up_count; i++) palp_dyna_mean(dyna, dyna->up[i]);
+    for (uint32_t i = 0; i < dyna->down_count; i++) palp_dyna_hang(dyna, dyna->down[i]);
+    dyna->followed += dyna->up_count + dyna->down_count;
+}
+
+void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class) {
+    uint32_t steps = palp_dyna_steps(dyna, most_class);
+    for (uint32_t s = 0; s < steps; s++) {
+        palp_dyna_forces(dyna, s, steps);
+        palp_dyna_move(dyna, steps);
+        palp_dyna_follow(dyna);
+    }
+}
+
+float palp_dyna_kinetic_J(const palp_dyna *dyna) {
+    float sum = 0.0f;
+    for (uint32_t i = 0; i < dyna->active_count; i++) {
+        palp_vec3 v = palp_vec3_at(dyna->v_m_s + 3u * (size_t)dyna->active[i]);
+        sum += 0.5f * dyna->mass_kg[dyna->active[i]] * palp_dot(v, v);
+    }
+    return sum;
+}
+
+palp_vec3 palp_dyna_momentum(const palp_dyna *dyna) {
+    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
+    for (uint32_t i = 0; i < dyna->active_count; i++) {
+        uint32_t n = dyna->active[i];
+        sum = palp_madd(sum, dyna->mass_kg[n], palp_vec3_at(dyna->v_m_s + 3u * (size_t)n));
+    }
+    return sum;
+}

@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A visco-elastic body in motion, adaptive in space and time (AD 2, 3).
+ *
+ * Every node of every level is active (it has mass and moves by the forces of its elements), split
+ * (its children move in its place) or asleep (an ancestor does). An element is computed when one of
+ * its nodes is active; its other nodes are the paper's interface nodes and follow: split ones are
+ * means of their children, from fine to coarse, sleeping ones hang in their containers, from coarse
+ * to fine. Both rules are exact for affine motions, so a uniformly strained body feels no
+ * interface.
+ *
+ *   tick = 2^C steps        step s: forces of the elements that are due, impulses to active nodes,
+ *                                   nodes move, tools move what they touch, interface nodes follow
+ *   after the tick          measures, splits and merges (adapt.h)
+ *
+ * Time. A node of class c takes steps of tick / 2^c, the largest that its stiffness allows (AD 10:
+ * limit_s below); an element goes with its fastest active node and pushes all four by f dt, so
+ * momentum is conserved at any mixture of steps. (Paper: each node evaluates its own elements.)
+ *
+ * The filter (AD 11) acts on the change of the velocity: where dt is beyond the limit the node's
+ * mass m is raised to dt^2 j + 2 dt c, with j and c the largest eigenvalues of its Jacobian and its
+ * damping matrix, times how much its elements have stiffened by stretching. That is stable for any
+ * step: the stiffness of a tetrahedral mesh is at most four times its block diagonal. It leaves
+ * rigid motion alone, while filtering the velocity itself, as the paper writes it, brakes it; and
+ * it does not change when the body turns, as the paper's fixed 3x3 matrix would.
+ */
+#ifndef PALP_DYNA_DYNA_H
+#define PALP_DYNA_DYNA_H
+
+#include "core/base/real.h"
+#include "core/dyna/element.h"
+#include "core/dyna/tets.h"
+
+#define PALP_STEP_CLASSES 8u
+
+typedef enum { PALP_ASLEEP = 0, PALP_ACTIVE = 1, PALP_SPLIT = 2 } palp_node_state;
+
+typedef struct {
+    palp_material material;
+    palp_vec3 gravity_m_s2;
+    float tick_s;
+    uint32_t most_class; /* finest step, below PALP_STEP_CLASSES */
+} palp_dyna_config;
+
+typedef struct {
+    const palp_tets *tets;
+    palp_dyna_config config;
+    /* of each node of all levels */
+    float *u_m, *v_m_s; /* [3] displacement from rest, velocity */
+    float *impulse_Ns;  /* [3] of the step under way */
+    float *force_N;     /* [3] of all elements, at the first step of the tick */
+    float *mass_kg, *j_N_per_m, *c_N_s_per_m;
+    float *limit_s; /* largest step without the filter, with room for stretching */
+    float *stretch; /* of its elements in this tick */
+    uint8_t *state, *step_class, *needed;
+    uint8_t *split;         /* [families] */
+    uint32_t *cost;         /* [families] evaluations per tick that splitting adds at most */
+    uint8_t *element_class; /* [tets] of those at work, else PALP_STEP_CLASSES */
+    uint8_t *skin_level;    /* [skin] level on which each vertex hangs */
+    /* lists, made anew when a family splits or merges */
+    uint32_t *active, *up, *down, *element;
+    uint32_t active_count, up_count, down_count, element_count;
+    uint32_t class_start[PALP_STEP_CLASSES + 1u]; /* in element */
+    uint32_t top_class;                           /* of the nodes at work */
+    uint64_t evaluations, moves, followed; /* done so far: elements, nodes, interface nodes */
+    float stored_J;                        /* in the elements, at the first step of the tick */
+} palp_dyna;
+
+size_t palp_dyna_memsize(const palp_tets *tets);
+
+/*
+ * A body at rest with its coarsest nodes active. Errors: ARGUMENT (a material that is not positive,
+ * 2 mu + 3 lambda included; tick; class), ALIGNMENT, MEMORY. The body is kept by reference.
+ */
+palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dyna_config *config,
+                           void *memory, size_t bytes);
+
+/* Back to rest. */
+void palp_dyna_reset(palp_dyna *dyna);
+
+/* Steps of a tick when none may be finer than `most_class`: 2^min(top_class, most_class). */
+uint32_t palp_dyna_steps(const palp_dyna *dyna, uint32_t most_class);
+
+/* Element evaluations of such a tick. */
+uint32_t palp_dyna_work(const palp_dyna *dyna, uint32_t most_class);
+
+/* Forces of the elements due in step s of a tick of `steps`. Elements due + 3 per active node. */
+void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps);
+
+/* Active nodes move: v += impulse / max(m, filter) + g dt, u += v dt. */
+void palp_dyna_move(palp_dyna *dyna, uint32_t steps);
+
+/* Interface nodes follow. */
+void palp_dyna_follow(palp_dyna *dyna);
+
+/* A whole tick without tools. */
+void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class);
+
+/* States of nodes, and all lists, from which families are split. Cost: about 8 per node and
+ * element of the blob. */
+void palp_dyna_relist(palp_dyna *dyna);
+
+/* Where a node's displacement and velocity come from, when it is not active. */
+void palp_dyna_hang(palp_dyna *dyna, uint32_t node); /* in its container */
+void palp_dyna_mean(palp_dyna *dyna, uint32_t node); /* of its children */
+
+static inline palp_vec3 palp_dyna_place(const palp_dyna *d, uint32_t node) {
+    return palp_add(palp_vec3_at(d->tets->rest_m + 3u * (size_t)node),
+                    palp_vec3_at(d->u_m + 3u * (size_t)node));
+}
+static inline bool palp_dyna_pinned(const palp_dyna *d, uint32_t node) {
+    return (d->tets->node[node].flags & PALP_TET_PINNED) != 0u;
+}
+
+/* Kinetic energy of the active nodes, J, and their momentum, kg m/s. */
+float palp_dyna_kinetic_J(const palp_dyna *dyna);
+palp_vec3 palp_dyna_momentum(const palp_dyna *dyna);
+
+#endif

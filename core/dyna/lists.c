@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: MIT */
+/* Who is active, which elements are at work, and which interface nodes they need. */
+#include "dyna.h"
+
+static bool family_is_split(const palp_dyna *d, uint32_t family) {
+    return family != PALP_NONE && d->split[family] != 0u;
+}
+
+static void set_states(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    d->active_count = 0;
+    for (uint32_t i = 0; i < t->meta->nodes; i++) {
+        uint32_t up = t->family[2u * (size_t)i], down = t->family[2u * (size_t)i + 1u];
+        palp_node_state s = PALP_ACTIVE;
+        if (up != PALP_NONE && d->split[up] == 0u) {
+            s = PALP_ASLEEP;
+        } else if (family_is_split(d, down)) {
+            s = PALP_SPLIT;
+        }
+        d->state[i] = (uint8_t)s;
+        d->needed[i] = 0;
+        if (s == PALP_ACTIVE) d->active[d->active_count++] = i;
+    }
+}
+
+/* Elements by class, each class in the order of the blob. */
+static void list_elements(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    uint32_t count[PALP_STEP_CLASSES] = {0};
+    for (uint32_t i = 0; i < t->meta->tets; i++) {
+        uint32_t fastest = 0;
+        bool works = false;
+        for (uint32_t c = 0; c < 4u; c++) {
+            uint32_t n = t->tet[i].node[c];
+            if (d->state[n] != PALP_ACTIVE || palp_dyna_pinned(d, n)) continue;
+            works = true;
+            if (d->step_class[n] > fastest) fastest = d->step_class[n];
+        }
+        d->element_class[i] = (uint8_t)(works ? fastest : PALP_STEP_CLASSES);
+        if (works) count[fastest]++;
+    }
+    uint32_t next[PALP_STEP_CLASSES + 1u];
+    d->class_start[0] = d->top_class = 0;
+    for (uint32_t c = 0; c < PALP_STEP_CLASSES; c++) {
+        d->class_start[c + 1u] = d->class_start[c] + count[c];
+        next[c] = d->class_start[c];
+        if (count[c] > 0u) d->top_class = c;
+    }
+    d->element_count = d->class_start[PALP_STEP_CLASSES];
+    for (uint32_t i = 0; i < t->meta->tets; i++) {
+        uint32_t c = d->element_class[i];
+        if (c < PALP_STEP_CLASSES) d->element[next[c]++] = i;
+    }
+}
+
+static void need(palp_dyna *d, uint32_t tet) {
+    for (uint32_t c = 0; c < 4u; c++) d->needed[d->tets->tet[tet].node[c]] = 1;
+}
+
+/* Each skin vertex hangs on the level on which the region of its node is active. */
+static void hang_skin(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    uint32_t levels = t->meta->levels;
+    for (uint32_t i = 0; i < t->meta->skin; i++) {
+        uint32_t n = t->skin_node[i], level = levels - 1u;
+        while (d->state[n] == PALP_ASLEEP && level > 0u) { /* ends: level 0 does not sleep */
+            n = t->parent[t->parent_offset[t->family[2u * (size_t)n]]];
+            level--;
+        }
+        d->skin_level[i] = (uint8_t)level;
+        need(d, t->skin_tet[i * levels + level]);
+    }
+}
+
+/* Containers of the children of active nodes: what a split would begin from. */
+static void need_for_splits(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    for (uint32_t f = 0; f < t->meta->families; f++) {
+        bool ready = d->split[f] == 0u && d->state[t->parent[t->parent_offset[f]]] == PALP_ACTIVE;
+        for (uint32_t k = t->child_offset[f]; ready && k < t->child_offset[f + 1u]; k++)
+            need(d, t->container[t->child[k]]);
+    }
+}
+
+/* What needed interface nodes need: containers from fine to coarse, then children from coarse to
+ * fine. Evaluated the other way around, each finds its sources ready. */
+static void list_interface(palp_dyna *d) {
+    const palp_tets *t = d->tets;
+    d->up_count = d->down_count = 0;
+    for (uint32_t i = t->meta->nodes; i-- > 0u;) {
+        if (d->needed[i] != 0u && d->state[i] == PALP_ASLEEP) need(d, t->container[i]);
+    }
+    for (uint32_t i = 0; i < t->meta->nodes; i++) {
+        if (d->needed[i] == 0u) continue;
+        for (uint32_t k = t->mean_offset[i];
+             d->state[i] == PALP_SPLIT && k < t->mean_offset[i + 1u]; k++)
+            d->needed[t->mean[k]] = 1;
+        if (d->state[i] == PALP_ASLEEP && !palp_dyna_pinned(d, i)) d->down[d->down_count++] = i;
+    }
+    for (uint32_t i = t->meta->nodes; i-- > 0u;) {
+        if (d->needed[i] != 0u && d->state[i] == PALP_SPLIT && !palp_dyna_pinned(d, i))
+            d->up[d->up_count++] = i;
+    }
+}
+
+void palp_dyna_relist(palp_dyna *dyna) {
+    set_states(dyna);
+    list_elements(dyna);
+    for (uint32_t i = 0; i < dyna->element_count; i++) need(dyna, dyna->element[i]);
+    hang_skin(dyna);
+    need_for_splits(dyna);
+    list_interface(dyna);
+    palp_dyna_follow(dyna);
+}
