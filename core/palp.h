@@ -42,6 +42,7 @@
 #include "core/green/cma.h"
 #include "core/green/detail.h"
 #include "core/green/field.h"
+#include "core/servo/dynamic.h"
 #include "core/servo/servo.h"
 #include "core/touch/point.h"
 #include "core/zone/assembly.h"

@@ -336,7 +336,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     mesh surface = {.vertices = 0};
     bvh *on = NULL;
     if (t->from[0] == NULL) {
-        surface = mesh_load(source);
+        surface = body->as_is ? body_mesh(body) : mesh_load(source);
         (void)mesh_drop_unused(&surface);
         uint32_t filled = mesh_fill_holes(&surface, 1);
         if (filled > 0) fprintf(f, "holes                 %" PRIu32 " closed\n", filled);

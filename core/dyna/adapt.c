@@ -7,8 +7,11 @@
 
 palp_adapt_config palp_adapt_defaults(const palp_tets *tets) {
     float refine_m = 0.002f * tets->meta->diagonal_m;
-    return (palp_adapt_config){
-        .refine_m = refine_m, .merge_m = 0.1f * refine_m, .dwell_ticks = 50, .max_changes = 8};
+    return (palp_adapt_config){.refine_m = refine_m,
+                               .merge_m = 0.1f * refine_m,
+                               .dwell_ticks = 50,
+                               .max_changes = 8,
+                               .max_looks = 2000};
 }
 
 static void lay_out(palp_adapt *s, const palp_tets *t, palp_arena *a) {
@@ -24,6 +27,20 @@ size_t palp_adapt_memsize(const palp_tets *tets) {
     return a.used;
 }
 
+static uint32_t elements_around(const palp_tets *t, const uint32_t *list, uint32_t count) {
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < count; i++)
+        sum += t->around_offset[list[i] + 1u] - t->around_offset[list[i]];
+    return sum;
+}
+
+/* Of a family: its parents (which == 1) or its children. */
+static const uint32_t *members(const palp_tets *t, uint32_t f, uint32_t which, uint32_t *count) {
+    const uint32_t *offset = which == 1u ? t->parent_offset : t->child_offset;
+    *count = offset[f + 1u] - offset[f];
+    return (which == 1u ? t->parent : t->child) + offset[f];
+}
+
 palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt_config *config,
                             void *memory, size_t bytes) {
     palp_adapt s = {.dyna = dyna, .config = *config};
@@ -35,6 +52,14 @@ palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (memory == NULL || palp_adapt_memsize(dyna->tets) > bytes) return PALP_ERR_MEMORY;
     lay_out(&s, dyna->tets, &a);
+    for (uint32_t f = 0; f < dyna->tets->meta->families; f++) {
+        for (uint32_t which = 0; which < 2u; which++) {
+            uint32_t count;
+            const uint32_t *list = members(dyna->tets, f, which, &count);
+            uint32_t looks = elements_around(dyna->tets, list, count);
+            if (looks > s.config.max_looks) s.config.max_looks = looks;
+        }
+    }
     *adapt = s;
     palp_adapt_reset(adapt);
     return PALP_OK;
@@ -88,31 +113,28 @@ static void measure(palp_adapt *s) {
 
 /* ---- neighbours ---- */
 
-/* The first node in the state `bad` among the elements of a family's parents or children. */
-static uint32_t neighbour_in(const palp_dyna *d, const uint32_t *list, uint32_t count,
-                             palp_node_state bad) {
+typedef enum { CLEAR, MET, NO_LOOKS } look;
+
+/* Whether a node in the state `bad` is among the elements of a family's parents or children, and
+ * the first one. */
+static look neighbour_in(palp_adapt *s, uint32_t f, uint32_t which, palp_node_state bad,
+                         uint32_t *found) {
+    const palp_dyna *d = s->dyna;
     const palp_tets *t = d->tets;
+    uint32_t count;
+    const uint32_t *list = members(t, f, which, &count);
+    uint32_t looks = elements_around(t, list, count);
+    if (looks > s->looks) return NO_LOOKS;
+    s->looks -= looks;
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t e = t->around_offset[list[i]]; e < t->around_offset[list[i] + 1u]; e++) {
             for (uint32_t c = 0; c < 4u; c++) {
-                uint32_t n = t->tet[t->around[e]].node[c];
-                if (d->state[n] == bad) return n;
+                *found = t->tet[t->around[e]].node[c];
+                if (d->state[*found] == bad) return MET;
             }
         }
     }
-    return PALP_NONE;
-}
-
-static uint32_t missing_for_split(const palp_dyna *d, uint32_t f) {
-    const palp_tets *t = d->tets;
-    return neighbour_in(d, t->parent + t->parent_offset[f],
-                        t->parent_offset[f + 1u] - t->parent_offset[f], PALP_ASLEEP);
-}
-
-static bool may_merge(const palp_dyna *d, uint32_t f) {
-    const palp_tets *t = d->tets;
-    return neighbour_in(d, t->child + t->child_offset[f],
-                        t->child_offset[f + 1u] - t->child_offset[f], PALP_SPLIT) == PALP_NONE;
+    return CLEAR;
 }
 
 /* ---- changes ---- */
@@ -159,7 +181,10 @@ static void merge_some(palp_adapt *s, uint32_t count, float bound, bool forced,
     for (uint32_t k = 0; k < count; k++) {
         uint32_t f = calmest(s, bound, forced);
         if (f == PALP_NONE) return;
-        if (!may_merge(s->dyna, f)) {
+        uint32_t met;
+        look l = neighbour_in(s, f, 0, PALP_SPLIT, &met);
+        if (l == NO_LOOKS) return;
+        if (l == MET) {
             s->gamma_m[f] = NOT_NOW;
             continue;
         }
@@ -185,11 +210,13 @@ static uint32_t keenest(const palp_adapt *s) {
 }
 
 /* What has to split before f can, which may be f itself; PALP_NONE if that is not possible now. */
-static uint32_t first_to_split(const palp_adapt *s, uint32_t f) {
+static uint32_t first_to_split(palp_adapt *s, uint32_t f) {
     const palp_dyna *d = s->dyna;
     for (uint32_t l = 0; l < PALP_TET_LEVELS; l++) {
-        uint32_t sleeper = missing_for_split(d, f);
-        if (sleeper == PALP_NONE) return f;
+        uint32_t sleeper;
+        look met = neighbour_in(s, f, 1, PALP_ASLEEP, &sleeper);
+        if (met == CLEAR) return f;
+        if (met == NO_LOOKS) return PALP_NONE;
         f = d->tets->family[2u * (size_t)sleeper];
         if (d->split[f] != 0u || s->gamma_m[f] < 0.0f) return PALP_NONE;
     }
@@ -218,6 +245,7 @@ palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t
     palp_adapt *s = adapt;
     palp_dyna *d = s->dyna;
     palp_adapt_report r = {0, 0, 0, 0};
+    s->looks = s->config.max_looks;
     measure(s);
     uint32_t work = palp_dyna_work(d, most_class);
     if (work > max_work) {

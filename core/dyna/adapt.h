@@ -22,10 +22,12 @@ typedef struct {
     float refine_m, merge_m; /* gamma_max, gamma_min */
     uint32_t dwell_ticks;    /* between the split of a family and its merging */
     uint32_t max_changes;    /* families per tick */
+    uint32_t max_looks;      /* elements around families that are looked at for it; at least those
+                                of the largest family */
 } palp_adapt_config;
 
 /* gamma_max = 0.2 % of the diagonal, a tenth of it to merge (a child's gamma is about a quarter of
- * its parent's), 50 ticks, 8 changes. */
+ * its parent's), 50 ticks, 8 changes, 2,000 looks. */
 palp_adapt_config palp_adapt_defaults(const palp_tets *tets);
 
 typedef struct {
@@ -35,6 +37,7 @@ typedef struct {
                        those may merge, else -1 */
     uint8_t *held;  /* [families] a tool is near */
     uint32_t *age;  /* [families] ticks since it split */
+    uint32_t looks; /* left in this tick */
 } palp_adapt;
 
 typedef struct {
@@ -57,8 +60,8 @@ void palp_adapt_hold(palp_adapt *adapt, uint32_t skin);
 
 /*
  * Measures, then merges and splits within max_work evaluations per tick at steps of `most_class`.
- * Cost: 12 per active node, 4 per family, per change one look at the family's elements and one at
- * all families, and palp_dyna_relist if anything changed.
+ * Cost: 12 per node, 8 per family, 4 per family and change, 24 per look, and palp_dyna_relist if
+ * anything changed.
  */
 palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t most_class);
 

@@ -62,6 +62,7 @@ typedef struct {
     uint32_t active_count, up_count, down_count, element_count;
     uint32_t class_start[PALP_STEP_CLASSES + 1u]; /* in element */
     uint32_t top_class;                           /* of the nodes at work */
+    uint32_t follow_terms;                        /* sources of all interface nodes on the lists */
     uint64_t evaluations, moves, followed; /* done so far: elements, nodes, interface nodes */
     float stored_J;                        /* in the elements, at the first step of the tick */
 } palp_dyna;
@@ -99,6 +100,10 @@ void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class);
 /* States of nodes, and all lists, from which families are split. Cost: about 8 per node and
  * element of the blob. */
 void palp_dyna_relist(palp_dyna *dyna);
+
+/* Merges everything: the coarsest nodes take over. Cost: 2 per child and per entry of the means,
+ * and palp_dyna_relist. */
+void palp_dyna_collapse(palp_dyna *dyna);
 
 /* Where a node's displacement and velocity come from, when it is not active. */
 void palp_dyna_hang(palp_dyna *dyna, uint32_t node); /* in its container */

@@ -86,7 +86,7 @@ static void need_for_splits(palp_dyna *d) {
  * fine. Evaluated the other way around, each finds its sources ready. */
 static void list_interface(palp_dyna *d) {
     const palp_tets *t = d->tets;
-    d->up_count = d->down_count = 0;
+    d->up_count = d->down_count = d->follow_terms = 0;
     for (uint32_t i = t->meta->nodes; i-- > 0u;) {
         if (d->needed[i] != 0u && d->state[i] == PALP_ASLEEP) need(d, t->container[i]);
     }
@@ -98,9 +98,11 @@ static void list_interface(palp_dyna *d) {
         if (d->state[i] == PALP_ASLEEP && !palp_dyna_pinned(d, i)) d->down[d->down_count++] = i;
     }
     for (uint32_t i = t->meta->nodes; i-- > 0u;) {
-        if (d->needed[i] != 0u && d->state[i] == PALP_SPLIT && !palp_dyna_pinned(d, i))
-            d->up[d->up_count++] = i;
+        if (d->needed[i] == 0u || d->state[i] != PALP_SPLIT || palp_dyna_pinned(d, i)) continue;
+        d->up[d->up_count++] = i;
+        d->follow_terms += t->mean_offset[i + 1u] - t->mean_offset[i];
     }
+    d->follow_terms += 4u * d->down_count;
 }
 
 void palp_dyna_relist(palp_dyna *dyna) {
@@ -111,4 +113,13 @@ void palp_dyna_relist(palp_dyna *dyna) {
     need_for_splits(dyna);
     list_interface(dyna);
     palp_dyna_follow(dyna);
+}
+
+void palp_dyna_collapse(palp_dyna *dyna) {
+    palp_dyna *d = dyna;
+    for (uint32_t i = d->tets->meta->nodes; i-- > 0u;) { /* from fine to coarse */
+        if (d->state[i] == PALP_SPLIT && !palp_dyna_pinned(d, i)) palp_dyna_mean(d, i);
+    }
+    for (uint32_t f = 0; f < d->tets->meta->families; f++) d->split[f] = 0;
+    palp_dyna_relist(d);
 }

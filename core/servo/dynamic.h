@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The bounded tick of a dynamic body (AD 3.3, "guaranteed frame rate").
+ *
+ *   tick   as small steps as fit the time left: the filter makes larger ones admissible
+ *          if not even one step of the whole tick fits, everything merges to the coarsest mesh
+ *          forces, motion, tools, interface, step by step; force handed back as the mean
+ *          energy monitor, then splits and merges within what the budget can carry
+ *
+ * Every part has a bound in operations that is known before the tick begins, so nothing has to be
+ * aborted on the way. A tick that begins too late for the coarsest answer repeats its force and
+ * leaves the body as it is; that is counted.
+ */
+#ifndef PALP_SERVO_DYNAMIC_H
+#define PALP_SERVO_DYNAMIC_H
+
+#include "core/dyna/energy.h"
+#include "core/servo/budget.h"
+#include "core/touch/impose.h"
+
+typedef struct {
+    const palp_tets *tets;
+    palp_material material;
+    palp_vec3 gravity_m_s2;
+    palp_adapt_config adapt;
+    const palp_tool *tools; /* kept by reference */
+    uint32_t tool_count, max_spots;
+    uint32_t most_class; /* finest step: tick / 2^most_class */
+    palp_cost_table cost;
+    palp_port port;
+    float tick_s;
+    bool uniform; /* everything on the finest mesh, no adaptivity: for comparison */
+} palp_dynamic_config;
+
+typedef struct {
+    uint32_t steps, evaluations;      /* of this tick */
+    uint32_t active[PALP_TET_LEVELS]; /* nodes at the end, by level */
+    uint32_t elements, interface;     /* at work, at the end */
+    palp_adapt_report adapt;
+    uint32_t spots, inside, overflow; /* of the tools */
+    bool shortened;                   /* larger steps than the material asks for, to be in time */
+    bool collapsed;                   /* merged to the coarsest mesh to be in time */
+    bool coasted; /* began too late: the force is the last one, the body stands still */
+    bool calmed;  /* the energy monitor took something out */
+    float kinetic_J, total_J;
+    float bound; /* operations that this tick could take at most */
+} palp_dynamic_report;
+
+typedef struct {
+    palp_dynamic_config config;
+    palp_dyna dyna;
+    palp_adapt adapt;
+    palp_impose impose;
+    palp_energy energy;
+    palp_vec3 force_N[PALP_MAX_TOOLS];
+    bool changed;  /* families split or merged at the end of the last tick */
+    uint64_t work; /* operations done so far */
+} palp_dynamic;
+
+size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots);
+
+/*
+ * Tools begin at at_m. Errors: ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the coarsest mesh with
+ * one step does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
+ */
+palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
+                              const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
+
+/* Operations of a tick as the body stands, with steps no finer than most_class:
+ * search 24 skin tools + 260 spots, and per step 330 per evaluation due, 30 per active node, 8 per
+ * source of an interface node, 120 spots; then 30 per active node and palp_dynamic_cost_adapt. */
+float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
+
+/* Operations of measures and changes: 12 nodes + 8 families + 4 changes families + 24 looks, and
+ * once the lists, 30 nodes + 12 tets + 12 skin + means. */
+float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
+
+/* The same of the coarsest mesh with one step, collapse included: what always has to fit. */
+float palp_dynamic_cost_least(const palp_dynamic *dynamic);
+
+/* A tick that began at start_ns on the port's clock, tools at tool_m[tool_count] at its end; force
+ * on each of them in force_N. */
+void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,
+                       palp_vec3 *force_N, palp_dynamic_report *report);
+
+#endif

@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Tools that touch a dynamic body: motion is imposed and forces are handed back (AD 4.2).
+ *
+ * Skin vertices inside a tool are moved out along their normals, and with them the active nodes
+ * that they hang on; what the elements push those nodes with goes to the tool instead, at every
+ * step. Vertices are taken one after the other, each seeing what the ones before it have left, so
+ * that a node that several vertices hang on is not counted twice. Contact only pushes, without
+ * friction.
+ *
+ * A tool goes straight from where it was to where it is in the course of a tick. Vertices are
+ * looked for once a tick; families near a tool are held at the finest level (adapt.h).
+ */
+#ifndef PALP_TOUCH_IMPOSE_H
+#define PALP_TOUCH_IMPOSE_H
+
+#include "core/dyna/adapt.h"
+#include "core/touch/contact.h"
+#include "core/touch/tool.h"
+
+typedef struct {
+    uint32_t skin, tool;
+    palp_vec3 n; /* outward normal, of this tick */
+    uint32_t node[4];
+    float weight[4];
+    palp_vec3 rest_m;
+    float per_w2; /* 1 / sum of squared weights of the nodes that can be moved */
+    float depth_m;
+} palp_imposed;
+
+typedef struct {
+    palp_dyna *dyna;
+    palp_adapt *adapt; /* NULL: nothing is held */
+    const palp_tool *tools;
+    uint32_t tool_count, max_spots, count;
+    palp_imposed *spot;
+    uint8_t *pressed; /* [skin] bit per tool: was inside in this tick or the last */
+    float reach_m[PALP_MAX_TOOLS];
+    palp_vec3 from_m[PALP_MAX_TOOLS], to_m[PALP_MAX_TOOLS];
+    palp_vec3 impulse_Ns[PALP_MAX_TOOLS]; /* on the tools, in this tick */
+    uint32_t inside;                      /* spots that were moved in the last step */
+    uint64_t overflow;                    /* vertices that found no spot, so far */
+} palp_impose;
+
+size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_spots);
+
+/* Tools are kept by reference; they begin at at_m. Errors: ARGUMENT (an unsound tool, none or too
+ * many, no spots), ALIGNMENT, MEMORY. */
+palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *adapt,
+                             const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
+                             uint32_t max_spots, void *memory, size_t bytes);
+
+/* Tools are to be at to_m[tool_count] at the end of this tick. Cost: 20 per skin vertex and tool,
+ * 250 per spot. */
+void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m);
+
+/* After palp_dyna_move in step s of `steps`. Cost: 100 per spot, and the tool's. */
+void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps);
+
+/* After the last step: force on each tool, the mean over the tick. */
+void palp_impose_end(palp_impose *impose, palp_vec3 *force_N);
+
+#endif
