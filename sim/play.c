@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* palp play: a multizone model follows a scene, a new posture each tick, in bounded time. */
+#include "core/dyna/dyna.h"
 #include "core/green/field.h"
 #include "core/servo/bounded.h"
+#include "play.h"
 #include "scene.h"
 #include "sim/view.h"
 #include "tools/args.h"
@@ -14,34 +16,41 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST_TICKS 1000000
-
 static const char help[] =
     "usage: palp play BLOB --scene FILE [-o OUT.csv] [--report OUT.html] [OPTIONS]\n"
     "\n"
-    "Moves a multizone model along a scene's joint trajectories, touches it with a rigid cylinder "
+    "Moves a multizone model along a scene's joint trajectories and touches it with a rigid "
+    "cylinder "
     "and\n"
-    "a ball that hang on springs, and answers every tick within a budget.\n"
+    "a ball that hang on springs; or touches a dynamic body with them, which moves and "
+    "oscillates.\n"
+    "Every tick is answered within a budget.\n"
     "  --budget-us B           share of each period for the tick (default: 80 %)\n"
     "  --ns-per-operation N    cost table (default 0.5)\n"
     "  --clock work|wall       work: by operations counted, the same everywhere (default);\n"
     "                          wall: this machine's clock\n"
     "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
     "  --no-pairs              zones do not touch each other\n"
+    "Of dynamic bodies:\n"
+    "  --material NAME         jelly, fat, liver, muscle, gel, rubber or hard-rubber in place of "
+    "the "
+    "blob's\n"
+    "  --young PA, --poisson NU, --damping S, --drag 1/S   one of its numbers\n"
+    "  --uniform               the finest mesh everywhere, for comparison\n"
+    "  --finest C              steps of 1/2^C of a tick at the least, 0 to 7 (default 7)\n"
+    "  --refine SHARE          how far from linear displacements may be, of the diagonal (default "
+    "0.002)\n"
     "The scene's keys: seconds, rate, stiffness, gravity X Y Z, pose T JOINT VALUE, cylinder "
     "RADIUS HALF X Y Z,\n"
-    "object T X Y Z, probe RADIUS, touch T X Y Z.\n";
+    "object T X Y Z, probe RADIUS, touch T X Y Z. Dynamic bodies: no pose, tools without "
+    "springs.\n";
 
 static const option options[] = {{"--scene", 1},     {"-o", 1},         {"--report", 1},
                                  {"--budget-us", 1}, {"--clock", 1},    {"--ns-per-operation", 1},
-                                 {"--finest", 1},    {"--no-pairs", 0}, {NULL, 0}};
-
-typedef struct {
-    const char *blob, *scene, *csv, *report;
-    double budget_us, ns_per_operation;
-    bool wall, alone;
-    uint32_t finest;
-} play_spec;
+                                 {"--finest", 1},    {"--no-pairs", 0}, {"--material", 1},
+                                 {"--young", 1},     {"--poisson", 1},  {"--damping", 1},
+                                 {"--drag", 1},      {"--uniform", 0},  {"--refine", 1},
+                                 {NULL, 0}};
 
 static void set_option(void *context, const argument *a) {
     static const char *const clocks[] = {"work", "wall", NULL};
@@ -63,7 +72,22 @@ static void set_option(void *context, const argument *a) {
     } else if (strcmp(o, "--clock") == 0) {
         s->wall = arg_word(a, clocks) == 1;
     } else if (strcmp(o, "--finest") == 0) {
-        s->finest = arg_u32(a, 0, 0, PALP_SEAM_LEVELS - 1);
+        s->finest = arg_u32(a, 0, 0, PALP_STEP_CLASSES - 1);
+        s->finest_given = true;
+    } else if (strcmp(o, "--material") == 0) {
+        s->material = a->value[0];
+    } else if (strcmp(o, "--young") == 0) {
+        s->young_Pa = arg_between(a, 0, 1e12);
+    } else if (strcmp(o, "--poisson") == 0) {
+        s->poisson = arg_between(a, -1, 0.5);
+    } else if (strcmp(o, "--damping") == 0) {
+        s->damping_s = arg_upto(a, 100);
+    } else if (strcmp(o, "--drag") == 0) {
+        s->drag_per_s = arg_upto(a, 1000);
+    } else if (strcmp(o, "--refine") == 0) {
+        s->refine_share = arg_between(a, 0, 1);
+    } else if (strcmp(o, "--uniform") == 0) {
+        s->uniform = true;
     } else {
         s->alone = true;
     }
@@ -104,24 +128,6 @@ static palp_vec3 vec(const double x[3]) {
     return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
 }
 
-static void add_tools(player *p) {
-    const scene *s = &p->s;
-    if (s->has[SCENE_OBJECT]) {
-        p->which[p->tools] = SCENE_OBJECT;
-        p->tool[p->tools++] = (palp_tool){.cylinder = {.axis = vec(s->cylinder + 2),
-                                                       .radius_m = (float)s->cylinder[0],
-                                                       .half_m = (float)s->cylinder[1],
-                                                       .rim_m = 0.25f * (float)s->cylinder[0]}};
-    }
-    if (s->has[SCENE_PROBE]) {
-        p->which[p->tools] = SCENE_PROBE;
-        p->tool[p->tools++] = palp_tool_sphere((float)s->probe_radius_m);
-    }
-    if (p->tools > 0) return;
-    p->tool[p->tools++] = palp_tool_sphere(1e-3f); /* far away, so that nothing is touched */
-    p->which[0] = SCENE_TRACKS;
-}
-
 static void open_player(player *p) {
     const play_spec *s = p->spec;
     size_t bytes = palp_assembly_memsize(p->z, s->finest);
@@ -133,11 +139,9 @@ static void open_player(player *p) {
     palp_vec3 gravity = vec(p->s.gravity_m_s2);
     if (palp_norm(gravity) > 0.0f && palp_assembly_gravity(p->a, gravity) != PALP_OK)
         die(EXIT_WORK, "%s: a zone has no gravity response", s->blob);
-    add_tools(p);
+    scene_tools(&p->s, p->tool, p->which, &p->tools);
     double period_us = 1e6 / p->s.rate_hz;
-    double budget = s->budget_us > 0 ? s->budget_us : 0.8 * period_us;
-    if (budget > period_us)
-        die(EXIT_USAGE, "--budget-us: %g us is longer than the period, %g us", budget, period_us);
+    double budget = play_budget_us(s, p->s.rate_hz);
     palp_bounded_config config = {
         .assembly = p->a,
         .pairs = !s->alone,
@@ -273,21 +277,11 @@ static void run(player *p) {
 
 /* ---- what it was like ---- */
 
-static int ascending(const void *a, const void *b) {
-    double p = *(const double *)a, q = *(const double *)b;
-    return (p > q) - (p < q);
-}
-
-typedef struct {
-    double p50, p99, max;
-} spread;
-
-static spread spread_of(const player *p, bool wall) {
+static spread times(const player *p, bool wall) {
     double *x = allocate(p->ticks + 1, sizeof *x);
     for (size_t i = 0; i < p->ticks; i++)
         x[i] = wall ? p->tick[i].wall_us : p->tick[i].budget_us_used;
-    qsort(x, p->ticks, sizeof *x, ascending);
-    spread s = {x[p->ticks / 2], x[(p->ticks - 1) * 99 / 100], x[p->ticks - 1]};
+    spread s = spread_of(x, p->ticks);
     free(x);
     return s;
 }
@@ -310,7 +304,7 @@ static void summary(FILE *f, const player *p) {
         for (int t = 0; t < SCENE_TRACKS; t++)
             force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
     }
-    spread work = spread_of(p, false), wall = spread_of(p, true);
+    spread work = times(p, false), wall = times(p, true);
     double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
             p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
@@ -450,14 +444,56 @@ static void write_report(const player *p, const char *path) {
     commit_output(&out);
 }
 
+static int ascending(const void *a, const void *b) {
+    double p = *(const double *)a, q = *(const double *)b;
+    return (p > q) - (p < q);
+}
+
+spread spread_of(double *x, size_t count) {
+    qsort(x, count, sizeof *x, ascending);
+    return (spread){x[count / 2], x[(count - 1) * 99 / 100], x[count - 1]};
+}
+
+double play_budget_us(const play_spec *s, double rate_hz) {
+    double period = 1e6 / rate_hz, budget = s->budget_us > 0 ? s->budget_us : 0.8 * period;
+    if (budget > period)
+        die(EXIT_USAGE, "--budget-us: %g us is longer than the period, %g us", budget, period);
+    return budget;
+}
+
+/* Which options go with which kind of model. */
+static void check_options(play_spec *s, bool dynamic) {
+    bool of_dynamic = s->material != NULL || s->young_Pa >= 0 || s->poisson > -1 ||
+                      s->damping_s >= 0 || s->drag_per_s >= 0 || s->uniform || s->refine_share > 0;
+    if (of_dynamic && !dynamic)
+        die(EXIT_USAGE,
+            "--material, --young, --poisson, --damping, --drag, --uniform and --refine are for "
+            "dynamic bodies; %s is a multizone model",
+            s->blob);
+    if (s->alone && dynamic)
+        die(EXIT_USAGE, "--no-pairs is for multizone models; %s is a dynamic body", s->blob);
+    if (!dynamic && s->finest >= PALP_SEAM_LEVELS)
+        die(EXIT_USAGE, "--finest: seams have the levels 0 to %u", PALP_SEAM_LEVELS - 1);
+    s->most_class = s->finest_given ? s->finest : PALP_STEP_CLASSES - 1;
+}
+
 int command_play(int argc, char **argv) {
-    play_spec s = {.ns_per_operation = 0.5, .finest = 4};
+    play_spec s = {.ns_per_operation = 0.5,
+                   .finest = 4,
+                   .young_Pa = -1,
+                   .poisson = -1,
+                   .damping_s = -1,
+                   .drag_per_s = -1};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
     if (s.scene == NULL) die(EXIT_USAGE, "no scene: add --scene FILE");
     size_t bytes;
     char *data = read_file(s.blob, &bytes);
-    if (!palp_zones_are_here(data, bytes)) die(EXIT_WORK, "%s: not a multizone model", s.blob);
+    bool dynamic = palp_tets_are_here(data, bytes);
+    if (!dynamic && !palp_zones_are_here(data, bytes))
+        die(EXIT_WORK, "%s: neither a multizone model nor a dynamic body", s.blob);
+    check_options(&s, dynamic);
+    if (dynamic) return play_lively(&s, data, bytes);
     player *p = allocate(1, sizeof *p);
     p->spec = &s;
     p->z = open_zones(s.blob, data, bytes);

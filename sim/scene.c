@@ -44,6 +44,7 @@ static void take_key(void *context, const argument *a) {
     } else if (strcmp(o, "--gravity") == 0) {
         for (int k = 0; k < 3; k++) s->gravity_m_s2[k] = arg_double(a, k);
     } else if (strcmp(o, "--pose") == 0) {
+        if (r->zones == NULL) die(EXIT_USAGE, "%s: a dynamic body has no joints", a->where);
         uint32_t j = find_joint(a->where, r->zones, a->value[1]);
         check_joint(a->where, r->zones, j, arg_double(a, 2));
         add_key(&s->joint[j], a, 2);
@@ -92,4 +93,24 @@ void scene_at(const scene_track *track, double t_s, double value[3]) {
     s = s < 0 ? 0 : s > 1 ? 1 : s;
     s = s * s * s * (10 - s * (15 - 6 * s));
     for (int k = 0; k < 3; k++) value[k] = a->value[k] + s * (b->value[k] - a->value[k]);
+}
+
+void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SCENE_TRACKS],
+                 uint32_t *count) {
+    *count = 0;
+    if (s->has[SCENE_OBJECT]) {
+        const double *c = s->cylinder;
+        which[*count] = SCENE_OBJECT;
+        tool[(*count)++] = (palp_tool){.cylinder = {.axis = {(float)c[2], (float)c[3], (float)c[4]},
+                                                    .radius_m = (float)c[0],
+                                                    .half_m = (float)c[1],
+                                                    .rim_m = 0.25f * (float)c[0]}};
+    }
+    if (s->has[SCENE_PROBE]) {
+        which[*count] = SCENE_PROBE;
+        tool[(*count)++] = palp_tool_sphere((float)s->probe_radius_m);
+    }
+    if (*count > 0) return;
+    which[0] = SCENE_TRACKS;
+    tool[(*count)++] = palp_tool_sphere(1e-3f);
 }

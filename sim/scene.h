@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* A scene for a multizone model: joints, a rigid object and a probe along key frames. */
+/* A scene for a multizone model or a dynamic body: joints, a rigid object and a probe along key
+ * frames. */
 #ifndef PALP_SIM_SCENE_H
 #define PALP_SIM_SCENE_H
 
+#include "core/touch/tool.h"
 #include "core/zone/posture.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -37,10 +39,15 @@ typedef struct {
  *   pose T JOINT VALUE           the joint's value at time T, rad or m
  *   cylinder RADIUS HALF X Y Z   and   object T X Y Z
  *   probe RADIUS                 and   touch T X Y Z
- * Exits 2 with the offending line.
+ * Exits 2 with the offending line. zones == NULL: a dynamic body, which has no joints.
  */
 scene scene_read(const char *path, const palp_zones *zones);
 void scene_free(scene *s);
+
+/* The tools of a scene, and the track of each; without any a small ball on track SCENE_TRACKS, to
+ * be put far away. */
+void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SCENE_TRACKS],
+                 uint32_t *count);
 
 /* The track at time t; its first value before that, zero if it has none. */
 void scene_at(const scene_track *track, double t_s, double value[3]);

@@ -258,6 +258,7 @@ lively model_lively(const tetmesh *level, uint32_t levels, double below, double 
     uint8_t *pinned[TET_LEVELS] = {NULL};
     uint32_t joined;
     body_spec body = body_defaults;
+    const tet_model model = {.levels = levels, .damping_s = damping_s};
     body.young_Pa = young;
     body.poisson = poisson;
     body.density = 1000;
@@ -266,7 +267,7 @@ lively model_lively(const tetmesh *level, uint32_t levels, double below, double 
         pinned[l] = allocate(level[l].nodes, 1);
         for (uint32_t i = 0; i < level[l].nodes; i++) pinned[l][i] = level[l].x[i][0] <= below;
     }
-    b.bytes = tet_assemble(level, pinned, levels, &body, damping_s, sha, &joined, &b.size);
+    b.bytes = tet_assemble(level, pinned, levels, &body, &model, sha, &joined, &b.size);
     for (uint32_t l = 0; l < levels; l++) free(pinned[l]);
     if (palp_tets_open(&b.tets, b.bytes, b.size) != PALP_OK) die(EXIT_WORK, "a body does not open");
     return b;

@@ -88,6 +88,13 @@ double arg_double(const argument *a, int index) {
     return v;
 }
 
+double arg_upto(const argument *a, double high) {
+    double value = arg_double(a, 0);
+    if (!(value >= 0 && value <= high))
+        die(EXIT_USAGE, "%s: %s is out of range: need 0 to %g", a->where, a->value[0], high);
+    return value;
+}
+
 double arg_between(const argument *a, double low, double high) {
     double v = arg_double(a, 0);
     if (!(v > low && v < high)) {

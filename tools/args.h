@@ -38,6 +38,7 @@ void args_parse_text(const char *name, const char *text, const option *table,
 
 /* Values checked; each exits 2 with the option named. arg_between excludes both bounds. */
 double arg_double(const argument *a, int index);
+double arg_upto(const argument *a, double high); /* 0 to high, both included */
 double arg_between(const argument *a, double low, double high);
 uint32_t arg_u32(const argument *a, int index, uint32_t low, uint32_t high);
 int arg_axis(const argument *a, int index);

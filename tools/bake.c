@@ -61,7 +61,8 @@ static const char help[] =
     "For a body that moves (README): --tets N [N ..], about the nodes of each resolution from "
     "coarse "
     "to\n"
-    "fine, or --tets-from FILE.mesh [..]; --damping S (s; default 0). Options with several values "
+    "fine, or --tets-from FILE.mesh [..]; --damping S and --drag 1/S (default 0). Options with "
+    "several values "
     "belong\n"
     "into a model file.\n";
 

@@ -10,9 +10,10 @@
  * onto it: thresholds of the paper for safe angles. */
 #define NEAR_LONG 0.24999
 #define NEAR_SHORT 0.41189
-#define SWEEPS 12     /* of smoothing */
-#define SAFE_LOW 18.0 /* dihedral angles (degrees) inside which smoothing may change them freely   \
-                       */
+#define SWEEPS 12 /* of smoothing */
+#define SAFE_LOW                                                                                   \
+    18.0 /* dihedral angles (degrees) inside which smoothing may change them freely                \
+          */
 #define SAFE_HIGH 150.0
 #define CLOSE_ENOUGH 0.04 /* to the number of nodes asked for */
 #define NOWHERE UINT32_MAX

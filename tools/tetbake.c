@@ -4,6 +4,7 @@
 #include "parallel.h"
 #include "sha256.h"
 #include "tethierarchy.h"
+#include "tetstiff.h"
 #include "util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -14,7 +15,8 @@ bool tet_option(tet_model *t, const body_spec *body, const argument *a) {
     if (a->option == NULL) return false;
     bool counts = strcmp(a->option, "--tets") == 0;
     if (counts || strcmp(a->option, "--tets-from") == 0) {
-        *t = (tet_model){.levels = (uint32_t)a->count, .damping_s = t->damping_s};
+        *t = (tet_model){
+            .levels = (uint32_t)a->count, .damping_s = t->damping_s, .drag_per_s = t->drag_per_s};
         for (int k = 0; k < a->count; k++) {
             if (counts)
                 t->nodes[k] = arg_u32(a, k, 8, PALP_MAX_NODES);
@@ -27,9 +29,9 @@ bool tet_option(tet_model *t, const body_spec *body, const argument *a) {
                     a->where, a->value[k], a->value[k - 1]);
         }
     } else if (strcmp(a->option, "--damping") == 0) {
-        t->damping_s = arg_double(a, 0);
-        if (!(t->damping_s >= 0 && t->damping_s <= 100))
-            die(EXIT_USAGE, "%s: %s is out of range: need 0 to 100 s", a->where, a->value[0]);
+        t->damping_s = arg_upto(a, 100);
+    } else if (strcmp(a->option, "--drag") == 0) {
+        t->drag_per_s = arg_upto(a, 1000);
     } else {
         return false;
     }
@@ -247,12 +249,13 @@ static double diagonal_of(const tetmesh *m) {
 }
 
 uint8_t *tet_assemble(const tetmesh *level, uint8_t *const *pinned, uint32_t levels,
-                      const body_spec *body, double damping_s, const uint8_t sha[32],
+                      const body_spec *body, const tet_model *t, const uint8_t sha[32],
                       uint32_t *joined, size_t *bytes) {
     sections s = {.meta = {.young_Pa = (float)body->young_Pa,
                            .poisson = (float)body->poisson,
                            .density_kg_m3 = (float)body->density,
-                           .damping_s = (float)damping_s,
+                           .damping_s = (float)t->damping_s,
+                           .drag_per_s = (float)t->drag_per_s,
                            .diagonal_m = (float)diagonal_of(&level[levels - 1])}};
     size_t room = 0, weight_room = 0;
     memcpy(s.meta.mesh_sha256, sha, sizeof s.meta.mesh_sha256);
@@ -264,7 +267,10 @@ uint8_t *tet_assemble(const tetmesh *level, uint8_t *const *pinned, uint32_t lev
         die(EXIT_WORK, "%" PRIu32 " nodes on all levels together; a blob holds at most %u",
             s.meta.nodes, PALP_MAX_NODES);
     make_room(&s);
-    for (uint32_t l = 0; l < levels; l++) add_level(&s, &level[l], pinned[l]);
+    for (uint32_t l = 0; l < levels; l++) {
+        add_level(&s, &level[l], pinned[l]);
+        s.meta.theta[l] = (float)tet_coupling(&level[l], s.node + s.meta.first_node[l]);
+    }
     *joined = 0;
     for (uint32_t l = 0; l + 1 < levels; l++)
         *joined += join_levels(&s, level, l, &room, &weight_room);
@@ -358,7 +364,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     }
     progress_end();
     uint32_t joined;
-    uint8_t *out = tet_assemble(level, pinned, t->levels, body, t->damping_s, sha, &joined, bytes);
+    uint8_t *out = tet_assemble(level, pinned, t->levels, body, t, sha, &joined, bytes);
     for (uint32_t l = 0; l < t->levels; l++) {
         tet_quality q = {.low_deg = 0};
         double diagonal = on != NULL ? mesh_diagonal(&surface) : 0;

@@ -12,12 +12,12 @@ typedef struct {
     uint32_t levels;
     uint32_t nodes[TET_LEVELS];   /* about that many; of meshes that are made here */
     const char *from[TET_LEVELS]; /* or files */
-    double damping_s;
+    double damping_s, drag_per_s;
 } tet_model;
 
 /* For option tables. */
 #define TET_OPTIONS                                                                                \
-    {"--tets", -TET_LEVELS}, {"--tets-from", -TET_LEVELS}, { "--damping", 1 }
+    {"--tets", -TET_LEVELS}, {"--tets-from", -TET_LEVELS}, {"--damping", 1}, { "--drag", 1 }
 
 /* Takes one of TET_OPTIONS; false if it is another. */
 bool tet_option(tet_model *t, const body_spec *body, const argument *a);
@@ -31,7 +31,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
 
 /* The same of meshes that are there already, coarse to fine; pinned[l][nodes]. */
 uint8_t *tet_assemble(const tetmesh *level, uint8_t *const *pinned, uint32_t levels,
-                      const body_spec *body, double damping_s, const uint8_t sha[32],
+                      const body_spec *body, const tet_model *t, const uint8_t sha[32],
                       uint32_t *joined, size_t *bytes);
 
 #endif

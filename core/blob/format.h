@@ -233,7 +233,9 @@ typedef struct {
     uint32_t first_node[PALP_TET_LEVELS + 1u], first_tet[PALP_TET_LEVELS + 1u];
     uint32_t first_family[PALP_TET_LEVELS + 1u];       /* [l]: between the levels l and l + 1 */
     float young_Pa, poisson, density_kg_m3, damping_s; /* phi = damping lambda, psi = damping mu */
+    float drag_per_s;                                  /* damping of the velocity itself */
     float diagonal_m;                                  /* of the bounding box */
+    float theta[PALP_TET_LEVELS]; /* K <= theta times its block diagonal; at most 4 */
     uint8_t mesh_sha256[32];
 } palp_tets_meta;
 

@@ -160,15 +160,19 @@ static void merge(palp_adapt *s, uint32_t f) {
     s->gamma_m[f] = NOT_NOW;
 }
 
-/* The family that may merge with the smallest measure below `bound`, those under a tool after all
- * others; PALP_NONE. */
-static uint32_t calmest(palp_adapt *s, float bound, bool forced) {
+/* Which families may merge: calm ones that have been split for a while, to make room any that is
+ * not under a tool, or, when the budget is exceeded, those too, after all others. */
+typedef enum { CALM, OTHERS, ANY } mergers;
+
+/* The one with the smallest measure; PALP_NONE. */
+static uint32_t calmest(const palp_adapt *s, mergers who) {
     const palp_dyna *d = s->dyna;
     uint32_t best = PALP_NONE;
     for (uint32_t f = 0; f < d->tets->meta->families; f++) {
-        bool idle = d->split[f] != 0u && s->gamma_m[f] >= 0.0f && s->gamma_m[f] < bound;
-        bool settled = forced || (s->held[f] == 0u && s->age[f] >= s->config.dwell_ticks);
-        if (!idle || !settled) continue;
+        if (d->split[f] == 0u || s->gamma_m[f] < 0.0f) continue;
+        if (who != ANY && s->held[f] != 0u) continue;
+        bool calm = s->gamma_m[f] < s->config.merge_m && s->age[f] >= s->config.dwell_ticks;
+        if (who == CALM && !calm) continue;
         bool calmer = best == PALP_NONE || s->held[f] < s->held[best] ||
                       (s->held[f] == s->held[best] && s->gamma_m[f] < s->gamma_m[best]);
         if (calmer) best = f;
@@ -176,10 +180,9 @@ static uint32_t calmest(palp_adapt *s, float bound, bool forced) {
     return best;
 }
 
-static void merge_some(palp_adapt *s, uint32_t count, float bound, bool forced,
-                       palp_adapt_report *r) {
+static void merge_some(palp_adapt *s, uint32_t count, mergers who, palp_adapt_report *r) {
     for (uint32_t k = 0; k < count; k++) {
-        uint32_t f = calmest(s, bound, forced);
+        uint32_t f = calmest(s, who);
         if (f == PALP_NONE) return;
         uint32_t met;
         look l = neighbour_in(s, f, 0, PALP_SPLIT, &met);
@@ -190,7 +193,7 @@ static void merge_some(palp_adapt *s, uint32_t count, float bound, bool forced,
         }
         merge(s, f);
         r->merges++;
-        r->forced += forced ? 1u : 0u;
+        r->forced += who == CALM ? 0u : 1u;
     }
 }
 
@@ -223,36 +226,50 @@ static uint32_t first_to_split(palp_adapt *s, uint32_t f) {
     return PALP_NONE;
 }
 
-static void split_some(palp_adapt *s, uint32_t room, palp_adapt_report *r) {
+/* What splitting f costs at most, when a tick has 2^top steps. */
+static float price(const palp_dyna *d, uint32_t f, uint32_t top, palp_adapt_room room) {
+    uint32_t own = d->family_class[f];
+    float steps = own > top ? (float)((1u << own) - (1u << top)) : 0.0f;
+    return room.per_evaluation * (float)d->cost[f] + room.per_step * steps;
+}
+
+/* A family under a tool that has no room makes others wait, and the calmest of them merge. */
+static void split_some(palp_adapt *s, palp_adapt_room room, palp_adapt_report *r) {
+    uint32_t top = s->dyna->top_class;
     for (uint32_t k = 0; k < s->config.max_changes; k++) {
         uint32_t f = keenest(s);
         if (f == PALP_NONE) return;
+        bool held = s->held[f] != 0u;
         uint32_t first = first_to_split(s, f);
         if (first == PALP_NONE) {
             s->gamma_m[f] = NOT_NOW;
-        } else if (s->dyna->cost[first] > room) {
+        } else if (price(s->dyna, first, top, room) > room.spare) {
             s->gamma_m[f] = NOT_NOW;
             r->refused++;
+            if (held) {
+                merge_some(s, s->config.max_changes - k, OTHERS, r);
+                return;
+            }
         } else {
-            room -= s->dyna->cost[first];
+            room.spare -= price(s->dyna, first, top, room);
+            if (s->dyna->family_class[first] > top) top = s->dyna->family_class[first];
             split(s, first);
             r->splits++;
         }
     }
 }
 
-palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t most_class) {
+palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room) {
     palp_adapt *s = adapt;
     palp_dyna *d = s->dyna;
     palp_adapt_report r = {0, 0, 0, 0};
     s->looks = s->config.max_looks;
     measure(s);
-    uint32_t work = palp_dyna_work(d, most_class);
-    if (work > max_work) {
-        merge_some(s, s->config.max_changes, 3e38f, true, &r);
+    if (room.spare < 0.0f) {
+        merge_some(s, s->config.max_changes, ANY, &r);
     } else {
-        merge_some(s, s->config.max_changes, s->config.merge_m, false, &r);
-        split_some(s, max_work - work, &r);
+        merge_some(s, s->config.max_changes, CALM, &r);
+        split_some(s, room, &r);
     }
     for (uint32_t f = 0; f < d->tets->meta->families; f++) {
         s->held[f] = 0;

@@ -9,9 +9,9 @@
  * Neighbours differ by one level at most: a family waits to split until the elements of its parents
  * are all there on their level, and asks for what is missing first.
  *
- * The rate is guaranteed by a cap on the element evaluations of a tick: no family splits when the
- * tick could then exceed it (AD 3.3), and when it is exceeded, because the cap came down, families
- * merge with the smallest gamma first.
+ * The rate is guaranteed by a cap on the work of a tick: no family splits when the tick could then
+ * exceed it (AD 3.3), and when it is exceeded, because the cap came down, families merge with the
+ * smallest gamma first.
  */
 #ifndef PALP_DYNA_ADAPT_H
 #define PALP_DYNA_ADAPT_H
@@ -43,7 +43,7 @@ typedef struct {
 typedef struct {
     uint32_t splits, merges;
     uint32_t refused; /* families that wanted to split and would have exceeded the cap */
-    uint32_t forced;  /* of the merges: because the cap is exceeded */
+    uint32_t forced;  /* of the merges: to come below the cap, or to make room under a tool */
 } palp_adapt_report;
 
 size_t palp_adapt_memsize(const palp_tets *tets);
@@ -58,11 +58,17 @@ void palp_adapt_reset(palp_adapt *adapt);
 /* A tool is near this skin vertex: until the next palp_adapt_tick its families want to split. */
 void palp_adapt_hold(palp_adapt *adapt, uint32_t skin);
 
+/* What there is to spend on a tick beyond what it costs as it stands, in operations (below 0: it
+ * costs too much), and what each evaluation and each step of a tick would cost more. */
+typedef struct {
+    float spare, per_evaluation, per_step;
+} palp_adapt_room;
+
 /*
- * Measures, then merges and splits within max_work evaluations per tick at steps of `most_class`.
+ * Measures, then merges, or splits within the room there is.
  * Cost: 12 per node, 8 per family, 4 per family and change, 24 per look, and palp_dyna_relist if
  * anything changed.
  */
-palp_adapt_report palp_adapt_tick(palp_adapt *adapt, uint32_t max_work, uint32_t most_class);
+palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room);
 
 #endif

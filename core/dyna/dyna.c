@@ -2,7 +2,8 @@
 #include "dyna.h"
 #include "core/base/arena.h"
 
-#define SAFETY 1.05f  /* of the filter's mass over the least that is stable */
+#define SAFETY 1.05f      /* of the filter's mass over the least that is stable */
+#define ADDED_MASS 0.005f /* of a level, on its slivers, rather than a finer step for all */
 #define HEADROOM 1.3f /* growth of the stiffness that steps are chosen for, without the filter */
 
 static void lay_out(palp_dyna *d, palp_arena *a) {
@@ -20,8 +21,10 @@ static void lay_out(palp_dyna *d, palp_arena *a) {
     d->state = palp_take(a, n, 1);
     d->step_class = palp_take(a, n, 1);
     d->needed = palp_take(a, n, 1);
+    d->duty = palp_take(a, n, 1);
     d->split = palp_take(a, m->families + 1u, 1);
     d->cost = palp_take(a, m->families + 1u, sizeof(uint32_t));
+    d->family_class = palp_take(a, m->families + 1u, 1);
     d->element_class = palp_take(a, m->tets, 1);
     d->skin_level = palp_take(a, m->skin, 1);
     d->active = palp_take(a, n, sizeof(uint32_t));
@@ -39,8 +42,7 @@ size_t palp_dyna_memsize(const palp_tets *tets) {
 
 /* ---- what the material makes of the nodes ---- */
 
-/* Largest eigenvalue of a s + b tr(s) I, from above: no row sum and no trace is below it. */
-static float largest(const float s[6], float a, float b) {
+float palp_dyna_bound(const float s[static 6], float a, float b) {
     float trace = s[0] + s[1] + s[2];
     float yz = palp_abs(s[3]), zx = palp_abs(s[4]), xy = palp_abs(s[5]);
     float row = palp_max(palp_max(s[0] + xy + zx, s[1] + xy + yz), s[2] + yz + zx);
@@ -56,18 +58,45 @@ static uint32_t class_for(const palp_dyna *d, float step_s) {
     return k;
 }
 
-static void weigh_nodes(palp_dyna *d) {
+/* The mass that a step of dt_s needs. */
+static float needed_mass(const palp_dyna *d, uint32_t node, float dt_s) {
+    float j = d->j_N_per_m[node], c = d->c_N_s_per_m[node];
+    return SAFETY * HEADROOM * dt_s * (dt_s * j + 2.0f * c);
+}
+
+/* The largest step for which the nodes first..end get heavier by ADDED_MASS at most. */
+static float common_step(const palp_dyna *d, uint32_t first, uint32_t end) {
+    float dt_s = d->config.tick_s;
+    for (uint32_t k = 0; k < d->config.most_class; k++, dt_s *= 0.5f) {
+        float mass = 0.0f, added = 0.0f;
+        for (uint32_t i = first; i < end; i++) {
+            mass += d->mass_kg[i];
+            added += palp_max(needed_mass(d, i, dt_s) - d->mass_kg[i], 0.0f);
+        }
+        if (added <= ADDED_MASS * mass) break;
+    }
+    return dt_s;
+}
+
+static void weigh_level(palp_dyna *d, uint32_t level) {
     const palp_material *m = &d->config.material;
-    for (uint32_t i = 0; i < d->tets->meta->nodes; i++) {
+    uint32_t first = d->tets->meta->first_node[level], end = d->tets->meta->first_node[level + 1u];
+    float share = 0.25f * d->tets->meta->theta[level];
+    float stiff = palp_max(m->lambda_Pa + m->mu_Pa, 0.0f);
+    float viscous = palp_max(m->phi_Pa_s + m->psi_Pa_s, 0.0f);
+    for (uint32_t i = first; i < end; i++) {
         const palp_tet_node *n = &d->tets->node[i];
-        float stiff = palp_max(m->lambda_Pa + m->mu_Pa, 0.0f);
         d->mass_kg[i] = m->density_kg_m3 * n->volume_m3;
-        d->j_N_per_m[i] = largest(n->spread, stiff, m->mu_Pa);
-        d->c_N_s_per_m[i] =
-            largest(n->spread, palp_max(m->phi_Pa_s + m->psi_Pa_s, 0.0f), m->psi_Pa_s);
+        d->j_N_per_m[i] = share * palp_dyna_bound(n->spread, stiff, m->mu_Pa);
+        d->c_N_s_per_m[i] = share * palp_dyna_bound(n->spread, viscous, m->psi_Pa_s);
+    }
+    float dt_s = common_step(d, first, end);
+    for (uint32_t i = first; i < end; i++) {
+        if (dt_s * (float)(1u << d->config.most_class) > 1.5f * d->config.tick_s)
+            d->mass_kg[i] = palp_max(d->mass_kg[i], needed_mass(d, i, dt_s));
         d->limit_s[i] = limit(d->mass_kg[i], SAFETY * HEADROOM * d->j_N_per_m[i],
                               SAFETY * HEADROOM * d->c_N_s_per_m[i]);
-        d->step_class[i] = (uint8_t)class_for(d, d->limit_s[i]);
+        d->step_class[i] = (uint8_t)class_for(d, 1.0001f * d->limit_s[i]);
     }
 }
 
@@ -75,7 +104,7 @@ static void weigh_nodes(palp_dyna *d) {
 static void price_families(palp_dyna *d) {
     const palp_tets *t = d->tets;
     for (uint32_t f = 0; f < t->meta->families; f++) {
-        uint32_t sum = 0;
+        uint32_t sum = 0, top = 0;
         for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1u]; k++) {
             uint32_t child = t->child[k];
             for (uint32_t e = t->around_offset[child]; e < t->around_offset[child + 1u]; e++) {
@@ -86,9 +115,11 @@ static void price_families(palp_dyna *d) {
                     if (t->family[2u * (size_t)n[c]] == f) first = c;
                 }
                 if (n[first] == child) sum += 1u << fastest;
+                if (fastest > top) top = fastest;
             }
         }
         d->cost[f] = sum;
+        d->family_class[f] = (uint8_t)top;
     }
 }
 
@@ -97,10 +128,10 @@ palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dy
     const palp_material *m = &config->material;
     bool sound = m->mu_Pa > 0.0f && 3.0f * m->lambda_Pa + 2.0f * m->mu_Pa > 0.0f &&
                  m->psi_Pa_s >= 0.0f && 3.0f * m->phi_Pa_s + 2.0f * m->psi_Pa_s >= 0.0f &&
-                 m->density_kg_m3 > 0.0f && config->tick_s > 0.0f &&
+                 m->density_kg_m3 > 0.0f && config->tick_s > 0.0f && m->drag_per_s >= 0.0f &&
                  config->most_class < PALP_STEP_CLASSES &&
                  palp_is_finite(m->mu_Pa + m->lambda_Pa + m->psi_Pa_s + m->phi_Pa_s) &&
-                 palp_is_finite(m->density_kg_m3 + config->tick_s) &&
+                 palp_is_finite(m->density_kg_m3 + config->tick_s + m->drag_per_s) &&
                  palp_vec3_is_finite(config->gravity_m_s2);
     if (!sound) return PALP_ERR_ARGUMENT;
     palp_dyna d = {.tets = tets, .config = *config};
@@ -108,7 +139,7 @@ palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dy
     palp_arena a = {memory, 0};
     if (memory == NULL || palp_dyna_memsize(tets) > bytes) return PALP_ERR_MEMORY;
     lay_out(&d, &a);
-    weigh_nodes(&d);
+    for (uint32_t l = 0; l < tets->meta->levels; l++) weigh_level(&d, l);
     price_families(&d);
     *dyna = d;
     palp_dyna_reset(dyna);
@@ -137,9 +168,10 @@ uint32_t palp_dyna_steps(const palp_dyna *dyna, uint32_t most_class) {
 
 uint32_t palp_dyna_work(const palp_dyna *dyna, uint32_t most_class) {
     uint32_t sum = 0, top = class_in_use(dyna, most_class);
-    for (uint32_t c = 0; c < PALP_STEP_CLASSES; c++) {
-        uint32_t count = dyna->class_start[c + 1u] - dyna->class_start[c];
-        sum += count << (c < top ? c : top);
+    for (uint32_t c = 0; c <= top; c++) {
+        uint32_t end = c == top ? PALP_STEP_CLASSES : c + 1u; /* finer ones go with the last */
+        uint32_t count = dyna->class_start[end] - dyna->class_start[c];
+        sum += (count + PALP_LANES - 1u) / PALP_LANES * PALP_LANES << c;
     }
     return sum;
 }
@@ -217,6 +249,7 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
 void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
     palp_dyna *d = dyna;
     const float tick = d->config.tick_s, dt = tick / (float)steps;
+    const float slower = palp_max(1.0f - dt * d->config.material.drag_per_s, 0.0f);
     const palp_vec3 g = palp_scale(dt, d->config.gravity_m_s2);
     for (uint32_t i = 0; i < d->active_count; i++) {
         uint32_t n = d->active[i];
@@ -227,9 +260,9 @@ void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
         float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
         float *v = d->v_m_s + 3u * (size_t)n, *u = d->u_m + 3u * (size_t)n;
         const float *p = d->impulse_Ns + 3u * (size_t)n;
-        v[0] += per_mass * p[0] + g.x;
-        v[1] += per_mass * p[1] + g.y;
-        v[2] += per_mass * p[2] + g.z;
+        v[0] = slower * v[0] + per_mass * p[0] + g.x;
+        v[1] = slower * v[1] + per_mass * p[1] + g.y;
+        v[2] = slower * v[2] + per_mass * p[2] + g.z;
         for (uint32_t a = 0; a < 3u; a++) u[a] += dt * v[a];
     }
     d->moves += d->active_count;

@@ -19,6 +19,8 @@ static void set_states(palp_dyna *d) {
         }
         d->state[i] = (uint8_t)s;
         d->needed[i] = 0;
+        bool works = s == PALP_ACTIVE && !palp_dyna_pinned(d, i);
+        d->duty[i] = (uint8_t)(works ? d->step_class[i] + 1u : 0u);
         if (s == PALP_ACTIVE) d->active[d->active_count++] = i;
     }
 }
@@ -26,18 +28,15 @@ static void set_states(palp_dyna *d) {
 /* Elements by class, each class in the order of the blob. */
 static void list_elements(palp_dyna *d) {
     const palp_tets *t = d->tets;
-    uint32_t count[PALP_STEP_CLASSES] = {0};
+    uint32_t count[PALP_STEP_CLASSES + 1u] = {0}; /* the last: not at work */
     for (uint32_t i = 0; i < t->meta->tets; i++) {
-        uint32_t fastest = 0;
-        bool works = false;
-        for (uint32_t c = 0; c < 4u; c++) {
-            uint32_t n = t->tet[i].node[c];
-            if (d->state[n] != PALP_ACTIVE || palp_dyna_pinned(d, n)) continue;
-            works = true;
-            if (d->step_class[n] > fastest) fastest = d->step_class[n];
-        }
-        d->element_class[i] = (uint8_t)(works ? fastest : PALP_STEP_CLASSES);
-        if (works) count[fastest]++;
+        const uint32_t *n = t->tet[i].node;
+        uint32_t a = d->duty[n[0]], b = d->duty[n[1]], c = d->duty[n[2]], e = d->duty[n[3]];
+        a = a > b ? a : b;
+        c = c > e ? c : e;
+        a = a > c ? a : c;
+        d->element_class[i] = (uint8_t)(a > 0u ? a - 1u : PALP_STEP_CLASSES);
+        count[d->element_class[i]]++;
     }
     uint32_t next[PALP_STEP_CLASSES + 1u];
     d->class_start[0] = d->top_class = 0;

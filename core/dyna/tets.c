@@ -26,6 +26,9 @@ static void check_meta(palp_reader *r, const palp_tets_meta *m) {
     const float number[] = {m->young_Pa, m->density_kg_m3, m->diagonal_m};
     for (uint32_t i = 0; i < 3u; i++)
         palp_reader_require(r, palp_is_finite(number[i]) && number[i] > 0.0f);
+    for (uint32_t l = 0; l < m->levels; l++)
+        palp_reader_require(r, m->theta[l] > 0.0f && m->theta[l] <= 4.0f);
+    palp_reader_require(r, m->drag_per_s >= 0.0f && palp_is_finite(m->drag_per_s));
     palp_reader_require(r, m->poisson > -1.0f && m->poisson < 0.5f && m->damping_s >= 0.0f &&
                                palp_is_finite(m->damping_s));
 }

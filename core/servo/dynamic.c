@@ -2,17 +2,17 @@
 #include "dynamic.h"
 #include "core/base/arena.h"
 
-/* Operations of the parts, measured as instructions by tests/check/dynamic.sh. */
-#define EVALUATION 330.0f
-#define NODE_STEP 30.0f
-#define SOURCE 8.0f
+/* Operations of the parts, each about two instructions (tests/check/dynamic.sh counts them). */
+#define EVALUATION 170.0f
+#define NODE_STEP 45.0f
+#define SOURCE 12.0f
 #define SPOT 260.0f
 #define SPOT_STEP 120.0f
-#define SKIN 24.0f
+#define SKIN 40.0f
 #define NODE_TICK 30.0f
-#define LIST_NODE 30.0f
+#define LIST_NODE 40.0f
 #define LIST_TET 12.0f
-#define LIST_SKIN 12.0f
+#define LIST_SKIN 20.0f
 
 static void lay_out(palp_arena *a, const palp_tets *t, uint32_t spots, void *part[3],
                     size_t bytes[3]) {
@@ -148,14 +148,13 @@ static bool choose(palp_dynamic *d, float ops, uint32_t *most_class, palp_dynami
     return true;
 }
 
-/* Evaluations that the budget can carry on the finest steps, each with its share of nodes and
- * interface. */
-static uint32_t affordable(const palp_dynamic *d) {
-    float spare =
-        budget_ops(d, period_ns(&d->config)) - palp_dynamic_cost_tick(d, d->dyna.top_class);
-    float each = EVALUATION + NODE_STEP + 4.0f * SOURCE;
-    float work = (float)palp_dyna_work(&d->dyna, d->dyna.top_class) + spare / each;
-    return work > 0.0f ? (uint32_t)work : 0u;
+/* What the budget leaves beside a tick on the finest steps; each evaluation comes with its share of
+ * nodes and interface. */
+static palp_adapt_room room_left(const palp_dynamic *d) {
+    float whole = budget_ops(d, period_ns(&d->config));
+    return (palp_adapt_room){.spare = whole - palp_dynamic_cost_tick(d, d->dyna.top_class),
+                             .per_evaluation = EVALUATION + NODE_STEP + 4.0f * SOURCE,
+                             .per_step = cost_steps(d, 1.0f)};
 }
 
 static void count_nodes(const palp_dynamic *d, palp_dynamic_report *r) {
@@ -193,8 +192,9 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
     r->spots = d->impose.count;
     r->inside = d->impose.inside;
     r->overflow = (uint32_t)(d->impose.overflow - overflow);
-    d->work += (uint64_t)(cost_search(d) + EVALUATION * (float)r->evaluations +
-                          cost_steps(d, (float)r->steps) + NODE_TICK * (float)d->dyna.active_count);
+    d->work +=
+        (uint64_t)(cost_search(d) + EVALUATION * (float)palp_dyna_work(&d->dyna, most_class) +
+                   cost_steps(d, (float)r->steps) + NODE_TICK * (float)d->dyna.active_count);
 }
 
 void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,
@@ -209,7 +209,7 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
                                            work_of_tools(&d->impose, d->force_N), d->changed);
         d->changed = false;
         if (!d->config.uniform) {
-            report->adapt = palp_adapt_tick(&d->adapt, affordable(d), d->dyna.top_class);
+            report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;
             d->work += (uint64_t)(palp_dynamic_cost_adapt(d) -
                                   (d->changed ? 0.0f : cost_lists(d->config.tets)));

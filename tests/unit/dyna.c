@@ -13,7 +13,7 @@
 static const palp_vec3 no_gravity = {0, 0, 0};
 
 static palp_material material(double young, double poisson, double damping_s) {
-    return palp_material_of((float)young, (float)poisson, 1000.0f, (float)damping_s);
+    return palp_material_of((float)young, (float)poisson, 1000.0f, (float)damping_s, 0.0f);
 }
 
 /* ---- elements ---- */
@@ -229,7 +229,7 @@ static void check_momentum(const char *name, bool graded) {
         palp_tet_node *n = (palp_tet_node *)(uintptr_t)b.tets.node;
         for (uint32_t i = 0; i < b.tets.meta->first_node[1]; i += 3) n[i].volume_m3 *= 0.1f;
     }
-    palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0.4, 0), 2e-3f, no_gravity);
+    palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0.4, 0), graded ? 5e-3f : 2e-3f, no_gravity);
     uint32_t classes = 0;
     for (uint32_t c = 0; c < PALP_STEP_CLASSES; c++)
         classes += d->class_start[c + 1] > d->class_start[c];
@@ -416,7 +416,7 @@ static void check_adapt(void) {
     uint32_t splits = 0, merges = 0, most = 0, cap = 6000, refused = 0, at_most = 0;
     double jump = 0, step = 0;
     float *before = allocate(3 * b.tets.meta->skin, sizeof *before);
-    for (int k = 0; k < 3000; k++) {
+    for (int k = 0; k < 4500; k++) {
         if (k < 100) { /* the end is thrown */
             for (uint32_t i = 0; i < d->active_count; i++) {
                 uint32_t n = d->active[i];
@@ -436,11 +436,12 @@ static void check_adapt(void) {
             jump = fmax(jump, moved - speed);
         }
         free(level);
-        palp_adapt_report r = palp_adapt_tick(&a, cap, 7);
+        const palp_adapt_room room = {(float)cap - (float)palp_dyna_work(d, 7), 1, 0};
+        palp_adapt_report r = palp_adapt_tick(&a, room);
         splits += r.splits;
         merges += r.merges;
         refused += r.refused;
-        uint32_t work = palp_dyna_work(d, 7);
+        uint32_t work = palp_dyna_work(d, 7) - 7 * palp_dyna_steps(d, 7) * (d->top_class + 1);
         most = work > most ? work : most;
         at_most = d->active_count > at_most ? d->active_count : at_most;
     }

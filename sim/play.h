@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: MIT */
+/* What `palp play` was asked for; it serves multizone models (play.c) and dynamic bodies
+ * (lively.c).
+ */
+#ifndef PALP_SIM_PLAY_H
+#define PALP_SIM_PLAY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define MOST_TICKS 1000000
+
+typedef struct {
+    const char *blob, *scene, *csv, *report;
+    double budget_us, ns_per_operation;
+    bool wall, alone;
+    uint32_t finest;
+    bool finest_given;
+    /* of dynamic bodies */
+    const char *material;
+    double young_Pa, poisson, damping_s, drag_per_s; /* below 0: that of the blob or the material */
+    bool uniform;
+    uint32_t most_class;
+    double refine_share; /* gamma_max over the diagonal; 0: the default */
+} play_spec;
+
+/* Microseconds of each tick: median, 99th percentile and largest; x is sorted. */
+typedef struct {
+    double p50, p99, max;
+} spread;
+spread spread_of(double *x, size_t count);
+
+/* The budget of a tick in us; exits if it is longer than the period. */
+double play_budget_us(const play_spec *s, double rate_hz);
+
+/* A dynamic body follows a scene; returns the exit code. */
+int play_lively(const play_spec *s, const void *data, size_t bytes);
+
+#endif

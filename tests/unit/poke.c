@@ -1,0 +1,248 @@
+/* SPDX-License-Identifier: MIT */
+/* Tools on dynamic bodies: adaptive against uniformly fine, forces, the guaranteed rate. */
+#include "core/dyna/skin.h"
+#include "core/servo/dynamic.h"
+#include "tests/models.h"
+#include "tests/tap.h"
+#include "tools/util.h"
+#include <stdlib.h>
+#include <string.h>
+
+#define RATE 1000.0f
+
+/* An ellipsoid of half axes 60, 40, 25 mm, pinned where x is lowest. */
+static lively make(const uint32_t *nodes, uint32_t levels, double young, double poisson,
+                   double damping_s) {
+    mesh m = model_sphere(4);
+    for (uint32_t i = 0; i < m.vertices; i++) {
+        m.x[i][0] *= 0.06;
+        m.x[i][1] *= 0.04;
+        m.x[i][2] *= 0.025;
+    }
+    bvh *on = bvh_build(&m);
+    tetmesh level[TET_LEVELS];
+    for (uint32_t l = 0; l < levels; l++) {
+        double pitch, dropped;
+        level[l] = stuff_level(&m, on, nodes[l], l, &pitch, &dropped);
+    }
+    bvh_free(on);
+    mesh_free(&m);
+    return model_lively(level, levels, -0.045, young, poisson, damping_s);
+}
+
+static uint64_t no_time(void *context) {
+    (void)context;
+    return 0;
+}
+
+typedef struct {
+    palp_dynamic body;
+    palp_tool tool;
+} poked;
+
+/* ns_per_operation 0.5: a budget of 0.8 ms holds 1.6 million operations. */
+static poked *open_poked(const lively *b, palp_material material, float ns_per_operation,
+                         bool uniform, palp_vec3 at) {
+    poked *p = allocate(1, sizeof *p);
+    p->tool = palp_tool_sphere(0.01f);
+    palp_dynamic_config c = {.tets = &b->tets,
+                             .material = material,
+                             .adapt = palp_adapt_defaults(&b->tets),
+                             .tools = &p->tool,
+                             .tool_count = 1,
+                             .max_spots = 64,
+                             .most_class = PALP_STEP_CLASSES - 1,
+                             .cost = {.ns_per_operation = ns_per_operation, .margin = 0.8f},
+                             .port = {.now_ns = no_time},
+                             .tick_s = 1 / RATE,
+                             .uniform = uniform};
+    size_t bytes = palp_dynamic_memsize(&b->tets, c.max_spots);
+    float bound_ns = 0;
+    palp_status s =
+        palp_dynamic_init(&p->body, &c, &at, allocate_aligned(bytes, 1), bytes, &bound_ns);
+    if (s != PALP_OK) die(EXIT_WORK, "%s: %g ns", palp_status_text(s), (double)bound_ns);
+    return p;
+}
+
+/* A ball comes down on the free end, presses, and is gone. */
+static palp_vec3 poke_at(int k) {
+    double t = k / 1000.0, z = 0.06;
+    if (t < 0.1)
+        z = 0.06 - 0.035 * t / 0.1;
+    else if (t < 0.25)
+        z = 0.025 - 0.008 * (t - 0.1) / 0.15;
+    else if (t < 0.3)
+        z = 0.017;
+    else if (t < 0.32)
+        z = 0.017 + 0.05 * (t - 0.3) / 0.02;
+    return (palp_vec3){0.025f, 0, (float)z};
+}
+
+static void compare(void) {
+    static const uint32_t nodes[3] = {90, 500, 2800};
+    lively b = make(nodes, 3, 5e3, 0.4, 5e-4);
+    palp_material m = palp_material_of(5e3f, 0.4f, 1000.0f, 5e-4f, 6.0f);
+    poked *a = open_poked(&b, m, 1e-3f, false, poke_at(0));
+    poked *f = open_poked(&b, m, 1e-6f, true, poke_at(0));
+    double worst = 0, sum = 0, force_worst = 0, force_largest = 0, force_sum = 0;
+    double ea = 0, ef = 0, moved = 0;
+    uint32_t at_most = 0;
+    int ticks = 1500;
+    for (int k = 0; k < ticks; k++) {
+        palp_vec3 at = poke_at(k), fa, ff;
+        palp_dynamic_report ra, rf;
+        palp_dynamic_tick(&a->body, 0, &at, &fa, &ra);
+        palp_dynamic_tick(&f->body, 0, &at, &ff, &rf);
+        ea += ra.evaluations;
+        ef += rf.evaluations;
+        uint32_t n = ra.active[0] + ra.active[1] + ra.active[2];
+        at_most = n > at_most ? n : at_most;
+        for (uint32_t i = 0; i < b.tets.meta->skin; i++) {
+            palp_vec3 p = palp_skin_place(&a->body.dyna, i), q = palp_skin_place(&f->body.dyna, i);
+            palp_vec3 rest = palp_vec3_at(b.tets.rest_m + 3 * (size_t)b.tets.skin_node[i]);
+            double off = (double)palp_norm(palp_sub(p, q));
+            worst = fmax(worst, off);
+            sum += off / b.tets.meta->skin / ticks;
+            moved = fmax(moved, (double)palp_norm(palp_sub(q, rest)));
+        }
+        double df = (double)palp_norm(palp_sub(fa, ff));
+        force_worst = fmax(force_worst, df);
+        force_largest = fmax(force_largest, (double)palp_norm(ff));
+        force_sum += k < 300 ? df / 300 : 0;
+    }
+    double size = (double)b.tets.meta->diagonal_m;
+    AT_MOST(worst / size, 0.02, "surface, adaptive against fine: largest difference, of the size");
+    printf("# mean %.3g; largest motion %.3g; force differs by %.3g of the largest, mean %.3g\n",
+           sum / size, moved / size, force_worst / force_largest, force_sum / force_largest);
+    CHECK(ef / ea > 5, "element evaluations: %.1f times fewer (%.0f of %.0f), %u active at most",
+          ef / ea, ea, ef, at_most);
+}
+
+/* ---- forces ---- */
+
+/* A pad presses the flat top of a block, Poisson's ratio 0: force = E A strain, half the stretch.
+ */
+static void check_force(void) {
+    static const double size[3] = {0.04, 0.04, 0.04};
+    const uint32_t n[3] = {4, 4, 4};
+    tetmesh level = model_block(size, n, false);
+    lively b = model_lively(&level, 1, 1e-9, 1e4, 0, 0);
+    palp_material m = palp_material_of(1e4f, 0.0f, 1000.0f, 1e-3f, 20.0f);
+    poked *p = open_poked(&b, m, 1e-6f, true, (palp_vec3){0.06f, 0.02f, 0.02f});
+    p->tool = (palp_tool){.pad = {.axis = {{0, 1, 0}, {0, 0, -1}, {-1, 0, 0}},
+                                  .half_m = {0.03f, 0.03f},
+                                  .edge_m = 0.005f}};
+    size_t bytes = palp_impose_memsize(&b.tets, 64);
+    palp_vec3 at = {0.05f, 0.02f, 0.02f}, force = {0, 0, 0};
+    if (palp_impose_init(&p->body.impose, &p->body.dyna, NULL, &p->tool, 1, &at, 64,
+                         allocate_aligned(bytes, 1), bytes) != PALP_OK)
+        die(EXIT_WORK, "no pad");
+    palp_dynamic_report r;
+    float depth = 0.002f;
+    double mean = 0;
+    for (int k = 0; k < 3000; k++) {
+        at.x = 0.05f - (0.01f + depth) * (float)(k < 1000 ? k : 1000) / 1000.0f;
+        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+        mean += k >= 2000 ? (double)force.x / 1000 : 0;
+    }
+    double stretch = 1 - (double)depth / 0.04;
+    double exact = -1e4 * 0.0016 * 0.5 * stretch * (stretch * stretch - 1);
+    CHECK(r.inside == 25, "a pad holds the %u nodes of the face", r.inside);
+    AT_MOST(fabs(mean / exact - 1), 0.01, "its force against that of a bar with Green's strain");
+    AT_MOST(hypot((double)force.y, (double)force.z) / exact, 0.01, "and nothing sideways");
+}
+
+/* ---- the guaranteed rate ---- */
+
+static uint64_t late_ns; /* how long after its start a tick is begun */
+static uint64_t clock_late(void *context) {
+    (void)context;
+    return late_ns;
+}
+
+static double farthest(const palp_dyna *d) {
+    double far = 0;
+    for (uint32_t i = 0; i < d->active_count; i++) {
+        palp_vec3 u = palp_vec3_at(d->u_m + 3 * (size_t)d->active[i]);
+        far = palp_vec3_is_finite(u) ? fmax(far, (double)palp_norm(u)) : HUGE_VAL;
+    }
+    return far;
+}
+
+/* Stirs a body with a ball that jumps about, while the time for a tick changes by factors of ten.
+ */
+static void check_violence(double lambda, double mu, int ticks) {
+    static const uint32_t nodes[3] = {40, 160, 640};
+    double young = mu * (3 * lambda + 2 * mu) / (lambda + mu),
+           poisson = lambda / (2 * (lambda + mu));
+    lively b = make(nodes, 3, young, poisson, 0);
+    palp_material m = {(float)lambda, (float)mu, 0, 0, 1000, 1};
+    m.phi_Pa_s = 1e-4f * m.lambda_Pa;
+    m.psi_Pa_s = 1e-4f * m.mu_Pa;
+    palp_vec3 at = {0, 0, 0.1f}, force;
+    poked *p = open_poked(&b, m, 0.2f, false, at);
+    p->body.config.port.now_ns = clock_late;
+    uint64_t seed = 11, steps = 0;
+    uint32_t beyond = 0, capped = 0, coasted = 0, short_ticks = 0, collapsed = 0, calmed = 0;
+    double far = 0, largest = 0;
+    late_ns = 0;
+    for (int k = 0; k < ticks; k++) {
+        palp_dynamic_report r;
+        if (k % 50 == 0) { /* another place, perhaps far away at once; another budget */
+            at = (palp_vec3){0.07f * (float)tap_random(&seed), 0.05f * (float)tap_random(&seed),
+                             0.05f * (float)tap_random(&seed)};
+            p->body.config.cost.ns_per_operation =
+                0.05f * (float)pow(10, 1 + 0.95 * tap_random(&seed));
+        } else { /* or up to 5 mm a tick, 5 m/s */
+            at.x += 0.003f * (float)tap_random(&seed);
+            at.y += 0.003f * (float)tap_random(&seed);
+            at.z += 0.003f * (float)tap_random(&seed);
+        }
+        late_ns = k % 97 == 0 ? 750000 : 0;
+        float ns = p->body.config.cost.ns_per_operation;
+        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+        beyond += !r.coasted && r.bound * ns > 800001.0f - (float)late_ns;
+        capped += r.adapt.refused > 0;
+        coasted += r.coasted;
+        short_ticks += r.shortened;
+        collapsed += r.collapsed;
+        calmed += r.calmed;
+        steps += r.steps;
+        far = fmax(far, farthest(&p->body.dyna));
+        largest = fmax(largest, palp_vec3_is_finite(force) ? (double)palp_norm(force) : HUGE_VAL);
+    }
+    at.z = 1;
+    late_ns = 0;
+    p->body.config.cost.ns_per_operation = 0.05f;
+    double wave = sqrt(mu / 1000), rest = (double)p->body.dyna.stored_J;
+    int calm = (int)(20000 + 300 / wave);
+    for (int k = 0; k < calm; k++) {
+        palp_dynamic_report r;
+        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+    }
+    rest = (double)p->body.dyna.stored_J / (mu * 1e-4);
+    CHECK(beyond == 0, "lambda %g, mu %g: no tick of %d (%.2g steps) beyond its bound; %u coasted",
+          lambda, mu, ticks, (double)steps, coasted);
+    CHECK(capped > 0 && short_ticks > 0,
+          "lambda %g, mu %g: refused in %u ticks, larger steps in %u, coarsest mesh in %u, calmed "
+          "in %u",
+          lambda, mu, capped, short_ticks, collapsed, calmed);
+    CHECK(far < 0.5 && largest < HUGE_VAL && rest < 1e-4,
+          "lambda %g, mu %g: at most %.2g m away, %.2g N; left alone it stores %.1g of mu 1e-4 m^3",
+          lambda, mu, far, largest, rest);
+}
+
+int main(int argc, char **argv) {
+    int ticks = argc > 1 ? atoi(argv[1]) : 3000;
+    if (argc == 1) {
+        compare();
+        check_force();
+    }
+    check_violence(10, 10, ticks);
+    check_violence(90, 10, ticks); /* Poisson's ratio 0.45 */
+    check_violence(1e3, 1e3, ticks);
+    check_violence(9e4, 1e4, ticks);
+    check_violence(1e6, 1e6, ticks);
+    check_violence(1e6, 1.1e5, ticks);
+    return tap_done();
+}
