@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SPREAD 6.0 /* most of the sum of absolute weights in a container */
-#define REACH 4.0  /* and in a mean of children, before a family takes in a neighbour */
+#define SPREAD 2.0 /* most of the sum of absolute weights in a container */
+#define REACH 2.0  /* and in a mean of children, before a family takes in a neighbour */
 #define NONE UINT32_MAX
 
 /* ---- places ---- */

@@ -6,6 +6,7 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
     const float lambda = m->lambda_Pa, mu2 = 2.0f * m->mu_Pa;
     const float phi = m->phi_Pa_s, psi2 = 2.0f * m->psi_Pa_s;
     const float kappa = lambda + mu2, per_kappa = 1.0f / kappa;
+    const float per_limit = 1.0f / (PALP_YIELDING * kappa);
     for (uint32_t k = 0; k < PALP_LANES; k++) {
         const float b0 = e->b[0][k], b1 = e->b[1][k], b2 = e->b[2][k];
         const float b3 = e->b[3][k], b4 = e->b[4][k], b5 = e->b[5][k];
@@ -43,14 +44,6 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
             r[0] * d[2] + r[3] * d[5] + r[6] * d[8] + r[2] * d[0] + r[5] * d[3] + r[8] * d[6];
         const float nxy =
             r[0] * d[1] + r[3] * d[4] + r[6] * d[7] + r[1] * d[0] + r[4] * d[3] + r[7] * d[6];
-        const float pressure = lambda * trace + phi * (nxx + nyy + nzz);
-        const float half = 0.5f * e->volume[k];
-        const float sxx = half * (pressure + mu2 * xx + psi2 * nxx);
-        const float syy = half * (pressure + mu2 * yy + psi2 * nyy);
-        const float szz = half * (pressure + mu2 * zz + psi2 * nzz);
-        const float syz = half * (mu2 * yz + psi2 * nyz);
-        const float szx = half * (mu2 * zx + psi2 * nzx);
-        const float sxy = half * (mu2 * xy + psi2 * nxy);
         /* det D and its cofactors */
         const float c[9] = {
             d[4] * d[8] - d[5] * d[7], d[5] * d[6] - d[3] * d[8], d[3] * d[7] - d[4] * d[6],
@@ -58,7 +51,19 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
             d[1] * d[5] - d[2] * d[4], d[2] * d[3] - d[0] * d[5], d[0] * d[4] - d[1] * d[3]};
         const float det = d[0] * c[0] + d[1] * c[1] + d[2] * c[2];
         const float under = palp_max(PALP_CRUSHED - det, 0.0f);
-        const float push = e->volume[k] * kappa * under;
+        const float twice = xx * xx + yy * yy + zz * zz + 2.0f * (yz * yz + zx * zx + xy * xy);
+        const float density =
+            0.125f * (lambda * trace * trace + mu2 * twice) + 0.5f * kappa * under * under;
+        const float root = palp_sqrt(1.0f + density * per_limit), soften = 1.0f / root;
+        const float push = e->volume[k] * kappa * under * soften;
+        const float pressure = lambda * trace + phi * (nxx + nyy + nzz);
+        const float half = 0.5f * e->volume[k] * soften;
+        const float sxx = half * (pressure + mu2 * xx + psi2 * nxx);
+        const float syy = half * (pressure + mu2 * yy + psi2 * nyy);
+        const float szz = half * (pressure + mu2 * zz + psi2 * nzz);
+        const float syz = half * (mu2 * yz + psi2 * nyz);
+        const float szx = half * (mu2 * zx + psi2 * nzx);
+        const float sxy = half * (mu2 * xy + psi2 * nxy);
         for (uint32_t a = 0; a < 3u; a++) {
             const float *w = d + 3u * a;
             const float px = w[0] * sxx + w[1] * sxy + w[2] * szx - push * c[3u * a];
@@ -78,10 +83,10 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
         const float over = palp_max(row, 0.0f), square = 1.0f + over;
         const float stress =
             (0.5f * lambda * palp_max(trace, 0.0f) + 0.5f * mu2 * over) * per_kappa;
-        const float crushed = under > 0.0f ? square * (square + under) : 0.0f;
-        e->stretch[k] = square + stress + crushed;
-        const float twice = xx * xx + yy * yy + zz * zz + 2.0f * (yz * yz + zx * zx + xy * xy);
-        e->energy_J[k] = e->volume[k] * (0.125f * (lambda * trace * trace + mu2 * twice) +
-                                         0.5f * kappa * under * under);
+        const float cofactors = c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3] +
+                                c[4] * c[4] + c[5] * c[5] + c[6] * c[6] + c[7] * c[7] + c[8] * c[8];
+        const float crushed = under > 0.0f ? cofactors : 0.0f; /* det D is linear in each node */
+        e->stretch[k] = palp_max(soften * (square + stress + crushed), 1.0f);
+        e->energy_J[k] = 2.0f * e->volume[k] * density / (root + 1.0f);
     }
 }

@@ -6,7 +6,7 @@
 #define FACING 0.1f      /* least cosine at which a vertex is taken */
 #define HOLD 1.0f        /* tool sizes within which families are held */
 #define MARGIN 0.1f      /* tool sizes within which vertices are spots */
-#define TOO_LITTLE 1e-4f /* sum of squared weights that is not worth moving */
+#define TOO_LITTLE 0.1f /* sum of squared weights: less hangs on nodes that cannot be moved */
 
 static void lay_out(palp_impose *p, const palp_tets *t, palp_arena *a) {
     p->spot = palp_take(a, p->max_spots, sizeof *p->spot);
@@ -116,8 +116,17 @@ void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
     p->count = 0;
     for (uint32_t t = 0; t < p->tool_count; t++) {
         p->from_m[t] = p->to_m[t];
-        if (palp_vec3_is_finite(to_m[t])) p->to_m[t] = to_m[t];
-        path_m[t] = palp_norm(palp_sub(p->to_m[t], p->from_m[t]));
+        palp_vec3 path = palp_sub(to_m[t], p->from_m[t]);
+        float most = PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
+        path_m[t] = palp_norm(path);
+        if (!palp_is_finite(path_m[t])) { /* not a place: the tool stays */
+            path_m[t] = 0.0f;
+        } else if (path_m[t] > most) {
+            p->to_m[t] = palp_madd(p->from_m[t], most / path_m[t], path);
+            path_m[t] = most;
+        } else {
+            p->to_m[t] = to_m[t];
+        }
         p->impulse_Ns[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
     }
     for (uint32_t i = 0; i < p->dyna->tets->meta->skin; i++) {

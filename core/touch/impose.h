@@ -8,7 +8,8 @@
  * that a node that several vertices hang on is not counted twice. Contact only pushes, without
  * friction.
  *
- * A tool goes straight from where it was to where it is in the course of a tick. Vertices are
+ * A tool goes straight from where it was to where its device is in the course of a tick, no faster
+ * than PALP_IMPOSE_SPEED: a reading that jumps does not shoot through the body. Vertices are
  * looked for once a tick; families near a tool are held at the finest level (adapt.h).
  */
 #ifndef PALP_TOUCH_IMPOSE_H
@@ -17,6 +18,8 @@
 #include "core/dyna/adapt.h"
 #include "core/touch/contact.h"
 #include "core/touch/tool.h"
+
+#define PALP_IMPOSE_SPEED 2.0f /* m/s */
 
 typedef struct {
     uint32_t skin, tool;

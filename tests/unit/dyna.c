@@ -40,8 +40,10 @@ static double energy(double u[4][3], double b[3][3], double volume, const palp_m
                  d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                  d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
     double under = fmax(0, (double)PALP_CRUSHED - det);
-    return volume *
-           (lambda / 8 * trace * trace + mu / 4 * square + (lambda + 2 * mu) / 2 * under * under);
+    double plain =
+        lambda / 8 * trace * trace + mu / 4 * square + (lambda + 2 * mu) / 2 * under * under;
+    double most = (double)PALP_YIELDING * (lambda + 2 * mu);
+    return volume * 2 * most * (sqrt(1 + plain / most) - 1);
 }
 
 static void check_elements(void) {
