@@ -55,10 +55,6 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes);
 
-/* A block of edges size[3] (m) from the origin, n[3] cells each cut into six tetrahedra; every
- * second cell the other way around with `mirrored`. */
-tetmesh model_block(const double size[3], const uint32_t n[3], bool mirrored);
-
 /* A dynamic body of such meshes, coarse to fine, pinned where x is at most `below`. */
 typedef struct {
     tetmesh level[TET_LEVELS];

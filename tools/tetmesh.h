@@ -13,6 +13,10 @@ typedef struct {
 
 void tetmesh_free(tetmesh *m);
 
+/* A block of edges size[3] (m) from the origin, n[3] cells each cut into six tetrahedra; every
+ * second cell the other way around with `mirrored`. */
+tetmesh tetmesh_block(const double size[3], const uint32_t n[3], bool mirrored);
+
 double tet_volume(const tetmesh *m, uint32_t tet);
 
 /* Rest gradients of the hat functions of nodes 1 to 3 (AD 5); that of node 0 is minus their sum. */

@@ -2,7 +2,8 @@
 #include "dyna.h"
 #include "core/base/arena.h"
 
-#define SAFETY 1.05f      /* of the filter's mass over the least that is stable */
+#define SAFETY 1.05f /* of the filter's mass over the least that is stable */
+#define TORN 3.0f    /* growth of the stiffness from which nodes lose speed when it grows further */
 #define ADDED_MASS 0.005f /* of a level, on its slivers, rather than a finer step for all */
 #define HEADROOM 1.3f /* growth of the stiffness that steps are chosen for, without the filter */
 
@@ -18,6 +19,7 @@ static void lay_out(palp_dyna *d, palp_arena *a) {
     d->c_N_s_per_m = palp_take(a, n, sizeof(float));
     d->limit_s = palp_take(a, n, sizeof(float));
     d->stretch = palp_take(a, n, sizeof(float));
+    d->torn = palp_take(a, n, sizeof(float));
     d->state = palp_take(a, n, 1);
     d->step_class = palp_take(a, n, 1);
     d->needed = palp_take(a, n, 1);
@@ -149,7 +151,8 @@ palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dy
 void palp_dyna_reset(palp_dyna *dyna) {
     for (size_t i = 0; i < 3u * (size_t)dyna->tets->meta->nodes; i++)
         dyna->u_m[i] = dyna->v_m_s[i] = dyna->impulse_Ns[i] = dyna->force_N[i] = 0.0f;
-    for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++) dyna->stretch[i] = 1.0f;
+    for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++)
+        dyna->stretch[i] = 1.0f, dyna->torn[i] = 1.0f;
     for (uint32_t f = 0; f < dyna->tets->meta->families; f++) dyna->split[f] = 0;
     dyna->evaluations = dyna->moves = dyna->followed = 0;
     dyna->stored_J = 0.0f;
@@ -258,11 +261,14 @@ void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
         float grown = SAFETY * d->stretch[n] * own;
         float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
         float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
+        float torn = palp_max(d->stretch[n] * (1.0f / TORN), 1.0f);
+        float stay = slower * palp_min(d->torn[n] / torn, 1.0f);
+        d->torn[n] = torn;
         float *v = d->v_m_s + 3u * (size_t)n, *u = d->u_m + 3u * (size_t)n;
         const float *p = d->impulse_Ns + 3u * (size_t)n;
-        v[0] = slower * v[0] + per_mass * p[0] + g.x;
-        v[1] = slower * v[1] + per_mass * p[1] + g.y;
-        v[2] = slower * v[2] + per_mass * p[2] + g.z;
+        v[0] = stay * v[0] + per_mass * p[0] + g.x;
+        v[1] = stay * v[1] + per_mass * p[1] + g.y;
+        v[2] = stay * v[2] + per_mass * p[2] + g.z;
         for (uint32_t a = 0; a < 3u; a++) u[a] += dt * v[a];
     }
     d->moves += d->active_count;

@@ -56,6 +56,7 @@ typedef struct {
     float *mass_kg, *j_N_per_m, *c_N_s_per_m;
     float *limit_s; /* largest step without the filter, with room for stretching */
     float *stretch; /* of its elements in this tick */
+    float *torn;    /* how far beyond ordinary stretching it was in the last step, >= 1 */
     uint8_t *state, *step_class, *needed;
     uint8_t *duty;          /* 1 + step class of nodes that are moved by forces, else 0 */
     uint8_t *split;         /* [families] */

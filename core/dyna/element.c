@@ -6,7 +6,7 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
     const float lambda = m->lambda_Pa, mu2 = 2.0f * m->mu_Pa;
     const float phi = m->phi_Pa_s, psi2 = 2.0f * m->psi_Pa_s;
     const float kappa = lambda + mu2, per_kappa = 1.0f / kappa;
-    const float per_limit = 1.0f / (PALP_YIELDING * kappa);
+    const float wall = PALP_WALL * kappa, per_limit = 1.0f / (PALP_YIELDING * kappa);
     for (uint32_t k = 0; k < PALP_LANES; k++) {
         const float b0 = e->b[0][k], b1 = e->b[1][k], b2 = e->b[2][k];
         const float b3 = e->b[3][k], b4 = e->b[4][k], b5 = e->b[5][k];
@@ -53,9 +53,9 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
         const float under = palp_max(PALP_CRUSHED - det, 0.0f);
         const float twice = xx * xx + yy * yy + zz * zz + 2.0f * (yz * yz + zx * zx + xy * xy);
         const float density =
-            0.125f * (lambda * trace * trace + mu2 * twice) + 0.5f * kappa * under * under;
+            0.125f * (lambda * trace * trace + mu2 * twice) + 0.5f * wall * under * under;
         const float root = palp_sqrt(1.0f + density * per_limit), soften = 1.0f / root;
-        const float push = e->volume[k] * kappa * under * soften;
+        const float push = e->volume[k] * wall * under * soften;
         const float pressure = lambda * trace + phi * (nxx + nyy + nzz);
         const float half = 0.5f * e->volume[k] * soften;
         const float sxx = half * (pressure + mu2 * xx + psi2 * nxx);
@@ -85,7 +85,8 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
             (0.5f * lambda * palp_max(trace, 0.0f) + 0.5f * mu2 * over) * per_kappa;
         const float cofactors = c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3] +
                                 c[4] * c[4] + c[5] * c[5] + c[6] * c[6] + c[7] * c[7] + c[8] * c[8];
-        const float crushed = under > 0.0f ? cofactors : 0.0f; /* det D is linear in each node */
+        const float crushed =
+            under > 0.0f ? PALP_WALL * cofactors : 0.0f; /* det D is linear in each node */
         e->stretch[k] = palp_max(soften * (square + stress + crushed), 1.0f);
         e->energy_J[k] = 2.0f * e->volume[k] * density / (root + 1.0f);
     }

@@ -9,9 +9,10 @@
  * Displacements u stand in the place of positions, so that small strains keep their digits.
  *
  * Green's strain alone does not know an element from its mirror image, and gives way when it is
- * crushed. So elements with det D below PALP_CRUSHED carry an energy V kappa/2 (PALP_CRUSHED -
- * det D)^2 with kappa = lambda + 2 mu besides: a force towards the right side from anywhere, and
- * none in ordinary motion. It depends on D^T D and the orientation alone, so momenta are kept.
+ * crushed. So elements with det D below PALP_CRUSHED carry an energy V PALP_WALL kappa/2
+ * (PALP_CRUSHED - det D)^2 with kappa = lambda + 2 mu besides: a force towards the right side from
+ * anywhere, and none in ordinary motion. It depends on D^T D and the orientation alone, so momenta
+ * are kept.
  *
  * And it stiffens with the square of the stretch, so that a body that is torn about could store any
  * energy and throw a node any distance. With U the energy per volume, what is stored is instead
@@ -25,6 +26,7 @@
 #include "core/dyna/material.h"
 
 #define PALP_CRUSHED 0.3f
+#define PALP_WALL 2.0f
 #define PALP_YIELDING 2.0f
 
 typedef struct {

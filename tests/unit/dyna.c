@@ -40,8 +40,8 @@ static double energy(double u[4][3], double b[3][3], double volume, const palp_m
                  d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                  d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
     double under = fmax(0, (double)PALP_CRUSHED - det);
-    double plain =
-        lambda / 8 * trace * trace + mu / 4 * square + (lambda + 2 * mu) / 2 * under * under;
+    double plain = lambda / 8 * trace * trace + mu / 4 * square +
+                   (double)PALP_WALL * (lambda + 2 * mu) / 2 * under * under;
     double most = (double)PALP_YIELDING * (lambda + 2 * mu);
     return volume * 2 * most * (sqrt(1 + plain / most) - 1);
 }
@@ -102,7 +102,7 @@ static lively make(uint32_t levels, double below, double poisson) {
     static const double size[3] = {0.08, 0.04, 0.04};
     static const uint32_t n[3][3] = {{3, 2, 2}, {7, 4, 4}, {13, 7, 7}};
     tetmesh level[3];
-    for (uint32_t l = 0; l < levels; l++) level[l] = model_block(size, n[l], l % 2 == 1);
+    for (uint32_t l = 0; l < levels; l++) level[l] = tetmesh_block(size, n[l], l % 2 == 1);
     return model_lively(level, levels, below, YOUNG, poisson, 0);
 }
 
@@ -305,7 +305,7 @@ static void check_bar(void) {
     double sag[2], period[2];
     for (uint32_t fine = 0; fine < 2; fine++) {
         const uint32_t n[3] = {8u << fine, 2u << fine, 2u << fine};
-        tetmesh level = model_block(size, n, false);
+        tetmesh level = tetmesh_block(size, n, false);
         lively b = model_lively(&level, 1, 1e-9, YOUNG, 0, 0);
         float tick = 2.5e-4f;
         palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0, 0.02), tick, (palp_vec3){1, 0, 0});
@@ -394,7 +394,7 @@ static void check_inversion(const char *name, double young, double poisson, int 
     double first = least_det(d), whole = YOUNG * 1e-4, left = HUGE_VAL;
     int ticks = 0;
     for (; ticks < 40000 && !(left < 1e-4 * whole * young / YOUNG); ticks++) {
-        palp_dyna_tick(d, 2);
+        palp_dyna_tick(d, 7);
         left = (double)d->stored_J;
     }
     double last = least_det(d);

@@ -125,7 +125,7 @@ static void check_force(void) {
     static const uint32_t nodes[1] = {900};
     lively b = make(nodes, 1, 5e3, 0.4, 0);
     palp_material m = palp_material_of(5e3f, 0.4f, 1000.0f, 1e-3f, 40.0f);
-    palp_vec3 at = {0.02f, 0, 0.036f}, force = {0, 0, 0};
+    palp_vec3 at = {-0.02f, 0, 0.036f}, force = {0, 0, 0};
     poked *p = open_poked(&b, m, 1e-6f, true, at);
     palp_dynamic_report r;
     double work = 0, stored[2] = {0, 0}, sideways = 0, largest = 0;
@@ -143,7 +143,7 @@ static void check_force(void) {
         sideways = fmax(sideways, fabs((double)force.y));
     }
     stored[1] = (double)p->body.dyna.stored_J;
-    CHECK(r.inside >= 5 && force.z > 0, "a ball holds %u nodes down with %.3g N", r.inside,
+    CHECK(r.inside >= 3 && force.z > 0, "a ball holds %u nodes down with %.3g N", r.inside,
           (double)force.z);
     AT_MOST(fabs(work / (stored[1] - stored[0]) - 1), 0.03, "its work against what is stored");
     AT_MOST(sideways / largest, 0.2, "sideways, of the largest force (the mesh is not symmetric)");
