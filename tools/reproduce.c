@@ -12,24 +12,27 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: palp reproduce SMALL.model LARGE.model [-o DIR]\n"
+    "usage: palp reproduce [SMALL.model LARGE.model] [--dynamic MODEL] [-o DIR]\n"
     "\n"
     "Tables I-III and figures 9 and 14-21 of James and Pai's multiresolution paper: SMALL is baked "
     "with two fewer,\n"
     "one fewer and as many Loop steps as it says, LARGE with coarse constraint levels only. DIR "
     "(default: reproduce)\n"
-    "gets index.html, and one CSV and SVG per figure. Takes about ten minutes on two cores.\n";
+    "gets index.html, and one CSV and SVG per figure. Takes about ten minutes on two cores.\n"
+    "With a dynamic MODEL also (or only) figures 4-6 and the speed-up of Debunne et al.\n";
 
-static const option options[] = {{"-o", 1}, {NULL, 0}};
+static const option options[] = {{"-o", 1}, {"--dynamic", 1}, {NULL, 0}};
 
 typedef struct {
-    const char *model[2], *folder;
+    const char *model[2], *folder, *dynamic;
     int models;
 } reproduce_spec;
 
 static void set_option(void *context, const argument *a) {
     reproduce_spec *s = context;
-    if (a->option != NULL) {
+    if (a->option != NULL && strcmp(a->option, "--dynamic") == 0) {
+        s->dynamic = a->value[0];
+    } else if (a->option != NULL) {
         s->folder = a->value[0];
     } else if (s->models < 2) {
         s->model[s->models++] = a->value[0];
@@ -83,8 +86,7 @@ uint32_t free_nodes(const study_case *c) {
 
 /* ---- page ---- */
 
-/* A chart in a file of its own and on the page. */
-static void draw(const work *w, const char *name, const plot_chart *chart) {
+void add_plot(const work *w, const char *name, const plot_chart *chart) {
     output out = study_file(w->folder, name);
     plot_svg(out.file, chart);
     commit_output(&out);
@@ -123,7 +125,7 @@ void add_chart(const work *w, const char *name, const char *title, abscissa a, o
                     .log_y = true,
                     .series = series,
                     .count = curves};
-    draw(w, name, &p);
+    add_plot(w, name, &p);
 }
 
 void save_curves(const work *w, const char *name, const study_case *c, const study_point *curve[],
@@ -325,7 +327,7 @@ static void figure_9(work *w) {
                         .count = 1};
         char name[32];
         snprintf(name, sizeof name, "figure-9-level-%" PRIu32 ".svg", l);
-        draw(w, name, &p);
+        add_plot(w, name, &p);
         free(x);
         free(y);
     }
@@ -399,7 +401,7 @@ static void figure_16(work *w) {
                         .log_x = true,
                         .series = s,
                         .count = 2};
-    draw(w, "figure-16.svg", &chart);
+    add_plot(w, "figure-16.svg", &chart);
     commit_output(&csv);
 }
 
@@ -460,7 +462,7 @@ static void figure_17(work *w) {
                         .y_label = "us",
                         .series = &s,
                         .count = 1};
-    draw(w, "figure-17.svg", &chart);
+    add_plot(w, "figure-17.svg", &chart);
     commit_output(&csv);
     free(field);
     free(first);
@@ -518,42 +520,49 @@ static void begin_page(FILE *f) {
                "that ran it and mean little on a shared one.</p>\n");
 }
 
+/* The multiresolution paper. */
+static void reproduce_greens(work *w, const reproduce_spec *s) {
+    static study_point lifted[STUDY_EPSILONS];
+    for (uint32_t k = 0; k < CASES; k++) {
+        w->small[k] = bake_case(s->model[0], CASES - 1 - k, false);
+        w->small[k].g.fixed = w->small[k].fixed;
+        snprintf(w->small[k].name, sizeof w->small[k].name, "L%" PRIu32, w->small[k].levels - 1);
+        built b = build_case(&w->small[k], 0.05);
+        w->bytes[k] = b.bytes;
+        if (palp_blob_open(&w->blob[k], b.bytes, b.size) != PALP_OK) die(EXIT_WORK, "blob");
+    }
+    w->large = bake_case(s->model[1], 0, true);
+    w->large.g.fixed = w->large.fixed;
+    snprintf(w->large.name, sizeof w->large.name, "large");
+    progress_quiet(1);
+    table_1(w);
+    table_2(w);
+    table_3(w);
+    figure_9(w);
+    figures_14_15(w, lifted);
+    figure_16(w);
+    figure_17(w);
+    hierarchical(w, &w->small[CASES - 1], "18", "19", "hierarchical GFs, L = 4",
+                 "all constraint levels compress about alike, coarser ones slightly better", 3);
+    hierarchical(w, &w->large, "20", "21", "the large model with coarse constraints",
+                 "dragon, level 0 only: about 100 times at 5 % RMS", LARGE_LEVEL + 1);
+    compare_baselines(w, lifted);
+    compare_levels(w);
+    show_electrostatics(w);
+}
+
 int command_reproduce(int argc, char **argv) {
     static work w;
     reproduce_spec s = {.folder = "reproduce"};
-    static study_point lifted[STUDY_EPSILONS];
     args_parse(argc, argv, options, help, set_option, &s);
-    if (s.models != 2) die(EXIT_USAGE, "two models needed (--help shows the usage)");
+    if (s.models != 2 && (s.models != 0 || s.dynamic == NULL))
+        die(EXIT_USAGE, "two models needed, or a dynamic one (--help shows the usage)");
     w.folder = s.folder;
     output page = study_file(s.folder, "index.html");
     w.page = page.file;
     begin_page(page.file);
-    for (uint32_t k = 0; k < CASES; k++) {
-        w.small[k] = bake_case(s.model[0], CASES - 1 - k, false);
-        w.small[k].g.fixed = w.small[k].fixed;
-        snprintf(w.small[k].name, sizeof w.small[k].name, "L%" PRIu32, w.small[k].levels - 1);
-        built b = build_case(&w.small[k], 0.05);
-        w.bytes[k] = b.bytes;
-        if (palp_blob_open(&w.blob[k], b.bytes, b.size) != PALP_OK) die(EXIT_WORK, "blob");
-    }
-    w.large = bake_case(s.model[1], 0, true);
-    w.large.g.fixed = w.large.fixed;
-    snprintf(w.large.name, sizeof w.large.name, "large");
-    progress_quiet(1);
-    table_1(&w);
-    table_2(&w);
-    table_3(&w);
-    figure_9(&w);
-    figures_14_15(&w, lifted);
-    figure_16(&w);
-    figure_17(&w);
-    hierarchical(&w, &w.small[CASES - 1], "18", "19", "hierarchical GFs, L = 4",
-                 "all constraint levels compress about alike, coarser ones slightly better", 3);
-    hierarchical(&w, &w.large, "20", "21", "the large model with coarse constraints",
-                 "dragon, level 0 only: about 100 times at 5 % RMS", LARGE_LEVEL + 1);
-    compare_baselines(&w, lifted);
-    compare_levels(&w);
-    show_electrostatics(&w);
+    if (s.models == 2) reproduce_greens(&w, &s);
+    if (s.dynamic != NULL) reproduce_dynamics(&w, s.dynamic);
     commit_output(&page);
     printf("%s/index.html\n", s.folder);
     return EXIT_SUCCESS;

@@ -3,6 +3,7 @@
 #ifndef PALP_TOOLS_REPRODUCE_H
 #define PALP_TOOLS_REPRODUCE_H
 
+#include "plot.h"
 #include "study.h"
 
 #define CASES 3 /* L = 2, 3, 4 */
@@ -34,6 +35,12 @@ void save_curves(const work *w, const char *name, const study_case *c, const stu
 /* One chart of curves; labels are made by the caller. */
 void add_chart(const work *w, const char *name, const char *title, abscissa a, ordinate o,
                const study_point *curve[], const char *const *label, size_t curves);
+
+/* A chart in a file of its own and on the page. */
+void add_plot(const work *w, const char *name, const plot_chart *chart);
+
+/* The paper on dynamic bodies (dynamics.c), with a model that has 'tets'. */
+void reproduce_dynamics(work *w, const char *model);
 
 /* Beyond the paper (beyond.c): other compressions at equal error, forces on coarser levels, and an
  * electrostatic problem. */

@@ -4,6 +4,7 @@
 #include "core/servo/dynamic.h"
 #include "tests/models.h"
 #include "tests/tap.h"
+#include "tools/speedup.h"
 #include "tools/util.h"
 #include <stdlib.h>
 #include <string.h>
@@ -64,58 +65,23 @@ static poked *open_poked(const lively *b, palp_material material, float ns_per_o
     return p;
 }
 
-/* A ball comes down on the free end, presses, and is gone. */
-static palp_vec3 poke_at(int k) {
-    double t = k / 1000.0, z = 0.06;
-    if (t < 0.1)
-        z = 0.06 - 0.035 * t / 0.1;
-    else if (t < 0.25)
-        z = 0.025 - 0.008 * (t - 0.1) / 0.15;
-    else if (t < 0.3)
-        z = 0.017;
-    else if (t < 0.32)
-        z = 0.017 + 0.05 * (t - 0.3) / 0.02;
-    return (palp_vec3){0.025f, 0, (float)z};
-}
-
 static void compare(void) {
     static const uint32_t nodes[3] = {90, 500, 2800};
     lively b = make(nodes, 3, 5e3, 0.4, 5e-4);
-    palp_material m = palp_material_of(5e3f, 0.4f, 1000.0f, 5e-4f, 6.0f);
-    poked *a = open_poked(&b, m, 1e-3f, false, poke_at(0));
-    poked *f = open_poked(&b, m, 1e-6f, true, poke_at(0));
-    double worst = 0, sum = 0, force_worst = 0, force_largest = 0, force_sum = 0;
-    double ea = 0, ef = 0, moved = 0;
-    uint32_t at_most = 0;
-    int ticks = 1500;
-    for (int k = 0; k < ticks; k++) {
-        palp_vec3 at = poke_at(k), fa, ff;
-        palp_dynamic_report ra, rf;
-        palp_dynamic_tick(&a->body, 0, &at, &fa, &ra);
-        palp_dynamic_tick(&f->body, 0, &at, &ff, &rf);
-        ea += ra.evaluations;
-        ef += rf.evaluations;
-        uint32_t n = ra.active[0] + ra.active[1] + ra.active[2];
-        at_most = n > at_most ? n : at_most;
-        for (uint32_t i = 0; i < b.tets.meta->skin; i++) {
-            palp_vec3 p = palp_skin_place(&a->body.dyna, i), q = palp_skin_place(&f->body.dyna, i);
-            palp_vec3 rest = palp_vec3_at(b.tets.rest_m + 3 * (size_t)b.tets.skin_node[i]);
-            double off = (double)palp_norm(palp_sub(p, q));
-            worst = fmax(worst, off);
-            sum += off / b.tets.meta->skin / ticks;
-            moved = fmax(moved, (double)palp_norm(palp_sub(q, rest)));
-        }
-        double df = (double)palp_norm(palp_sub(fa, ff));
-        force_worst = fmax(force_worst, df);
-        force_largest = fmax(force_largest, (double)palp_norm(ff));
-        force_sum += k < 300 ? df / 300 : 0;
-    }
+    const poke p = {.radius_m = 0.01f,
+                    .place_m = {0.025f, 0, 0.0228f},
+                    .normal = {0, 0, 1},
+                    .depth_m = 0.0078f,
+                    .ticks = 1500};
+    speedup r =
+        speedup_measure(&b.tets, palp_material_of(5e3f, 0.4f, 1000.0f, 5e-4f, 6.0f), &p, 0.002);
     double size = (double)b.tets.meta->diagonal_m;
-    AT_MOST(worst / size, 0.02, "surface, adaptive against fine: largest difference, of the size");
+    AT_MOST(r.worst_m / size, 0.02,
+            "surface, adaptive against fine: largest difference, of the size");
     printf("# mean %.3g; largest motion %.3g; force differs by %.3g of the largest, mean %.3g\n",
-           sum / size, moved / size, force_worst / force_largest, force_sum / force_largest);
-    CHECK(ef / ea > 5, "element evaluations: %.1f times fewer (%.0f of %.0f), %u active at most",
-          ef / ea, ea, ef, at_most);
+           r.mean_m / size, r.moved_m / size, r.force_worst, r.force_mean);
+    CHECK(r.fine / r.adaptive > 5, "element evaluations: %.1f times fewer (%.0f of %.0f), %u nodes",
+          r.fine / r.adaptive, r.adaptive, r.fine, r.most_nodes);
 }
 
 /* ---- forces ---- */
