@@ -39,7 +39,7 @@ static const char help[] =
     "  --uniform               the finest mesh everywhere, for comparison\n"
     "  --finest C              steps of 1/2^C of a tick at the least, 0 to 7 (default 7)\n"
     "  --refine SHARE          how far from linear displacements may be, of the diagonal (default "
-    "0.002)\n"
+    "0.008)\n"
     "The scene's keys: seconds, rate, stiffness, gravity X Y Z, pose T JOINT VALUE, cylinder "
     "RADIUS HALF X Y Z,\n"
     "object T X Y Z, probe RADIUS, touch T X Y Z. Dynamic bodies: no pose, tools without "

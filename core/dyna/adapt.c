@@ -6,7 +6,7 @@
 #define NOT_NOW (-1.0f)
 
 palp_adapt_config palp_adapt_defaults(const palp_tets *tets) {
-    float refine_m = 0.002f * tets->meta->diagonal_m;
+    float refine_m = 0.008f * tets->meta->diagonal_m;
     return (palp_adapt_config){.refine_m = refine_m,
                                .merge_m = 0.1f * refine_m,
                                .dwell_ticks = 50,

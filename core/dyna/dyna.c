@@ -20,9 +20,12 @@ static void lay_out(palp_dyna *d, palp_arena *a) {
     d->limit_s = palp_take(a, n, sizeof(float));
     d->stretch = palp_take(a, n, sizeof(float));
     d->torn = palp_take(a, n, sizeof(float));
+    d->lever = palp_take(a, n, sizeof(float));
     d->state = palp_take(a, n, 1);
+    d->active_flag = palp_take(a, n, 1);
     d->step_class = palp_take(a, n, 1);
     d->needed = palp_take(a, n, 1);
+    d->borders = palp_take(a, n, 1);
     d->duty = palp_take(a, n, 1);
     d->split = palp_take(a, m->families + 1u, 1);
     d->cost = palp_take(a, m->families + 1u, sizeof(uint32_t));
@@ -196,23 +199,24 @@ static void gather(const palp_dyna *d, const uint32_t *element, uint32_t count,
     }
 }
 
+/* Elements count by the share of their corners that are active, as the masses of those do. */
 static void scatter(palp_dyna *d, const uint32_t *element, uint32_t count,
                     const palp_element_lanes *e, float dt_s, bool first) {
     for (uint32_t k = 0; k < count; k++) {
-        const palp_tet *t = &d->tets->tet[element[k]];
-        uint32_t at_work = 0;
+        const uint32_t *node = d->tets->tet[element[k]].node;
+        const float share = 0.25f * (float)(d->active_flag[node[0]] + d->active_flag[node[1]] +
+                                            d->active_flag[node[2]] + d->active_flag[node[3]]);
+        const float push = share * dt_s;
         for (uint32_t c = 0; c < 4u; c++) {
-            uint32_t n = t->node[c];
-            if (d->state[n] != PALP_ACTIVE) continue; /* interface nodes only follow */
-            at_work++;
+            uint32_t n = node[c];
             float *p = d->impulse_Ns + 3u * (size_t)n;
-            for (uint32_t a = 0; a < 3u; a++) p[a] += dt_s * e->f[c][a][k];
+            for (uint32_t a = 0; a < 3u; a++) p[a] += push * e->f[c][a][k];
             d->stretch[n] = palp_max(d->stretch[n], e->stretch[k]);
             if (!first) continue;
             float *f = d->force_N + 3u * (size_t)n;
             for (uint32_t a = 0; a < 3u; a++) f[a] += e->f[c][a][k];
         }
-        if (first) d->stored_J += 0.25f * (float)at_work * e->energy_J[k];
+        if (first) d->stored_J += share * e->energy_J[k];
     }
 }
 
@@ -238,6 +242,8 @@ static void clear(palp_dyna *d, uint32_t n, bool first) {
 void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
     palp_dyna *d = dyna;
     for (uint32_t i = 0; i < d->active_count; i++) clear(d, d->active[i], s == 0u);
+    for (uint32_t i = 0; i < d->up_count; i++) clear(d, d->up[i], s == 0u);
+    for (uint32_t i = 0; i < d->down_count; i++) clear(d, d->down[i], s == 0u);
     if (s == 0u) d->stored_J = 0.0f;
     uint32_t top = 0;
     while (1u << top < steps) top++;
@@ -247,6 +253,7 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
         bool due = (s & ((steps >> c) - 1u)) == 0u;
         if (due) evaluate(d, d->class_start[c], d->class_start[end], dt_s, s == 0u);
     }
+    palp_dyna_hand_back(d);
 }
 
 void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
@@ -257,8 +264,8 @@ void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
     for (uint32_t i = 0; i < d->active_count; i++) {
         uint32_t n = d->active[i];
         if (palp_dyna_pinned(d, n)) continue;
-        float own = palp_max(tick / (float)(1u << d->step_class[n]), dt);
-        float grown = SAFETY * d->stretch[n] * own;
+        float own = palp_max(2.0f * tick / (float)(1u << d->duty[n]), dt);
+        float grown = SAFETY * d->stretch[n] * d->lever[n] * own;
         float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
         float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
         float torn = palp_max(d->stretch[n] * (1.0f / TORN), 1.0f);
@@ -272,41 +279,6 @@ void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
         for (uint32_t a = 0; a < 3u; a++) u[a] += dt * v[a];
     }
     d->moves += d->active_count;
-}
-
-void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
-    const palp_tets *t = dyna->tets;
-    const uint32_t *corner = t->tet[t->container[node]].node;
-    const float *w = t->container_weight + 4u * (size_t)node;
-    for (uint32_t a = 0; a < 3u; a++) {
-        float u = 0.0f, v = 0.0f;
-        for (uint32_t c = 0; c < 4u; c++) {
-            u += w[c] * dyna->u_m[3u * (size_t)corner[c] + a];
-            v += w[c] * dyna->v_m_s[3u * (size_t)corner[c] + a];
-        }
-        dyna->u_m[3u * (size_t)node + a] = u;
-        dyna->v_m_s[3u * (size_t)node + a] = v;
-    }
-}
-
-void palp_dyna_mean(palp_dyna *dyna, uint32_t node) {
-    const palp_tets *t = dyna->tets;
-    for (uint32_t a = 0; a < 3u; a++) {
-        float u = 0.0f, v = 0.0f;
-        for (uint32_t k = t->mean_offset[node]; k < t->mean_offset[node + 1u]; k++) {
-            size_t at = 3u * (size_t)t->mean[k] + a;
-            u += t->mean_weight[k] * dyna->u_m[at];
-            v += t->mean_weight[k] * dyna->v_m_s[at];
-        }
-        dyna->u_m[3u * (size_t)node + a] = u;
-        dyna->v_m_s[3u * (size_t)node + a] = v;
-    }
-}
-
-void palp_dyna_follow(palp_dyna *dyna) {
-    for (uint32_t i = 0; i < dyna->up_count; i++) palp_dyna_mean(dyna, dyna->up[i]);
-    for (uint32_t i = 0; i < dyna->down_count; i++) palp_dyna_hang(dyna, dyna->down[i]);
-    dyna->followed += dyna->up_count + dyna->down_count;
 }
 
 void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class) {

@@ -6,8 +6,15 @@
  * (its children move in its place) or asleep (an ancestor does). An element is computed when one of
  * its nodes is active; its other nodes are the paper's interface nodes and follow: split ones are
  * means of their children, from fine to coarse, sleeping ones hang in their containers, from coarse
- * to fine. Both rules are exact for affine motions, so a uniformly strained body feels no
- * interface.
+ * to fine. Both rules are exact for affine motions.
+ *
+ * An element counts by the share of its corners that are active, as the body's mass does, and what
+ * it does to an interface node is handed back to those that the node follows. So all forces are the
+ * gradient of one stored energy: at a given resolution energy and momenta are conserved across
+ * interfaces as anywhere else. (The paper lets interface nodes follow and drops the forces on them;
+ * that is exact for uniform strain, and may feed on itself: we saw it do so. The price here is
+ * that a uniformly strained body feels an interface slightly, as where elements of the two
+ * levels overlap by more or less than their share.)
  *
  *   tick = 2^C steps        step s: forces of the elements that are due, impulses to active nodes,
  *                                   nodes move, tools move what they touch, interface nodes follow
@@ -57,7 +64,10 @@ typedef struct {
     float *limit_s; /* largest step without the filter, with room for stretching */
     float *stretch; /* of its elements in this tick */
     float *torn;    /* how far beyond ordinary stretching it was in the last step, >= 1 */
+    float *lever;   /* growth of the stiffness by what interface nodes hand back, >= 1 */
     uint8_t *state, *step_class, *needed;
+    uint8_t *active_flag;   /* 1 for active nodes, 0 for others */
+    uint8_t *borders;       /* corners of elements at work */
     uint8_t *duty;          /* 1 + step class of nodes that are moved by forces, else 0 */
     uint8_t *split;         /* [families] */
     uint32_t *cost;         /* [families] evaluations per tick that splitting adds at most */
@@ -119,6 +129,11 @@ void palp_dyna_collapse(palp_dyna *dyna);
 /* Where a node's displacement and velocity come from, when it is not active. */
 void palp_dyna_hang(palp_dyna *dyna, uint32_t node); /* in its container */
 void palp_dyna_mean(palp_dyna *dyna, uint32_t node); /* of its children */
+
+/* Of interface.c: impulses on interface nodes go to what they follow; how much that stiffens the
+ * active ones (when the lists are new). */
+void palp_dyna_hand_back(palp_dyna *dyna);
+void palp_dyna_levers(palp_dyna *dyna);
 
 static inline palp_vec3 palp_dyna_place(const palp_dyna *d, uint32_t node) {
     return palp_add(palp_vec3_at(d->tets->rest_m + 3u * (size_t)node),

@@ -18,10 +18,31 @@ static void set_states(palp_dyna *d) {
             s = PALP_SPLIT;
         }
         d->state[i] = (uint8_t)s;
+        d->active_flag[i] = s == PALP_ACTIVE ? 1u : 0u;
         d->needed[i] = 0;
         bool works = s == PALP_ACTIVE && !palp_dyna_pinned(d, i);
-        d->duty[i] = (uint8_t)(works ? d->step_class[i] + 1u : 0u);
+        d->duty[i] = works ? 1u : 0u;
         if (s == PALP_ACTIVE) d->active[d->active_count++] = i;
+    }
+}
+
+/* The most that any corner has. */
+static uint32_t most_of(const uint8_t *x, const uint32_t n[static 4]) {
+    uint32_t a = x[n[0]], b = x[n[1]], c = x[n[2]], e = x[n[3]];
+    a = a > b ? a : b;
+    c = c > e ? c : e;
+    return a > c ? a : c;
+}
+
+/* 1 + step class; finer where interface nodes stiffen: a half step bears four times the stiffness.
+ */
+static void set_duties(palp_dyna *d) {
+    for (uint32_t k = 0; k < d->active_count; k++) {
+        uint32_t i = d->active[k], most = d->config.most_class;
+        if (d->duty[i] == 0u) continue;
+        float lever = d->lever[i];
+        uint32_t c = d->step_class[i] + (lever > 1.2f ? 1u : 0u) + (lever > 4.0f ? 1u : 0u);
+        d->duty[i] = (uint8_t)(1u + (c < most ? c : most));
     }
 }
 
@@ -30,12 +51,8 @@ static void list_elements(palp_dyna *d) {
     const palp_tets *t = d->tets;
     uint32_t count[PALP_STEP_CLASSES + 1u] = {0}; /* the last: not at work */
     for (uint32_t i = 0; i < t->meta->tets; i++) {
-        const uint32_t *n = t->tet[i].node;
-        uint32_t a = d->duty[n[0]], b = d->duty[n[1]], c = d->duty[n[2]], e = d->duty[n[3]];
-        a = a > b ? a : b;
-        c = c > e ? c : e;
-        a = a > c ? a : c;
-        d->element_class[i] = (uint8_t)(a > 0u ? a - 1u : PALP_STEP_CLASSES);
+        uint32_t duty = most_of(d->duty, t->tet[i].node);
+        d->element_class[i] = (uint8_t)(duty > 0u ? duty - 1u : PALP_STEP_CLASSES);
         count[d->element_class[i]]++;
     }
     uint32_t next[PALP_STEP_CLASSES + 1u];
@@ -106,11 +123,16 @@ static void list_interface(palp_dyna *d) {
 
 void palp_dyna_relist(palp_dyna *dyna) {
     set_states(dyna);
-    list_elements(dyna);
-    for (uint32_t i = 0; i < dyna->element_count; i++) need(dyna, dyna->element[i]);
+    for (uint32_t i = 0; i < dyna->tets->meta->tets; i++) {
+        if (most_of(dyna->duty, dyna->tets->tet[i].node) > 0u) need(dyna, i);
+    }
+    for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++) dyna->borders[i] = dyna->needed[i];
     hang_skin(dyna);
     need_for_splits(dyna);
     list_interface(dyna);
+    palp_dyna_levers(dyna);
+    set_duties(dyna);
+    list_elements(dyna);
     palp_dyna_follow(dyna);
 }
 

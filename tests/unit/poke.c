@@ -71,10 +71,10 @@ static void compare(void) {
     const poke p = {.radius_m = 0.01f,
                     .place_m = {0.025f, 0, 0.0228f},
                     .normal = {0, 0, 1},
-                    .depth_m = 0.0078f,
+                    .depth_m = 0.0158f,
                     .ticks = 1500};
     speedup r =
-        speedup_measure(&b.tets, palp_material_of(5e3f, 0.4f, 1000.0f, 5e-4f, 6.0f), &p, 0.002);
+        speedup_measure(&b.tets, palp_material_of(5e3f, 0.4f, 1000.0f, 5e-4f, 6.0f), &p, 0.008);
     double size = (double)b.tets.meta->diagonal_m;
     AT_MOST(r.worst_m / size, 0.02,
             "surface, adaptive against fine: largest difference, of the size");
