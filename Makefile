@@ -28,7 +28,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all static demo demo-finger test check bench reproduce deps install deb clean help format
+.PHONY: all static demo demo-finger demo-dyna test check bench reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -97,6 +97,12 @@ demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a ne
 	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv
 	@echo "Look at $(BUILD)/finger/report.html"
 
+demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscillating: build/dyna/report.html
+	@mkdir -p $(BUILD)/dyna
+	$(BUILD)/palp bake blobs/liver.model -o $(BUILD)/dyna/liver.palp
+	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
+	@echo "Look at $(BUILD)/dyna/report.html; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
+
 # ---- tests ----
 
 UNIT := $(sort $(wildcard tests/unit/*.c))
@@ -105,31 +111,34 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones) tests/freestanding.sh
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
 $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@$(CC) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
-bench: all $(BUILD)/bench ## fast against dense summation, side by side; also build/bench.json
+$(BUILD)/elements: $(BUILD)/tests/bench/elements.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
+	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
+	@$(BUILD)/elements
 
 reproduce: all ## the paper's tables and figures from our own models: build/reproduce/index.html (about six minutes)
-	$(BUILD)/palp reproduce blobs/bean.model blobs/large.model -o $(BUILD)/reproduce
+	$(BUILD)/palp reproduce blobs/bean.model blobs/large.model --dynamic blobs/liver.model -o $(BUILD)/reproduce
 
 # ---- everything else ----
 
 PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
             libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
             libopenblas0-pthread qemu-system-arm can-utils python3-can strace libclang-rt-14-dev pkg-config \
-            cyclonedds-dev cyclonedds-tools
+            cyclonedds-dev cyclonedds-tools calculix-ccx
 deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct finger logs realtime dds zwidth package fuzz vm reproduce)
-check: all $(UNIT_BIN) ## make test plus sanitizers, other targets, browser, numpy and virtual machine
+CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct finger dynamic calculix logs realtime dds zwidth package fuzz vm reproduce)
+check: all $(UNIT_BIN) $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX

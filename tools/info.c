@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "args.h"
 #include "commands.h"
+#include "core/dyna/tets.h"
 #include "core/green/columns.h"
 #include "util.h"
 #include "zonesolve.h"
@@ -43,6 +44,9 @@ palp_blob open_blob(const char *path, const void *data, size_t bytes) {
     palp_blob blob;
     if (palp_zones_are_here(data, bytes))
         die(EXIT_WORK, "%s: a multizone model, where one body is needed", path);
+    if (palp_tets_are_here(data, bytes))
+        die(EXIT_WORK, "%s: a dynamic body, which has no Green's functions: 'palp play' moves it",
+            path);
     palp_status status = palp_blob_open(&blob, data, bytes);
     if (status != PALP_OK) {
         die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", path, palp_status_text(status), bytes);
@@ -217,6 +221,48 @@ static void print_zones(const palp_zones *z, size_t bytes) {
     }
 }
 
+static void print_tets(const palp_tets *t, size_t bytes, bool json) {
+    const palp_tets_meta *m = t->meta;
+    if (json) {
+        printf(
+            "{\"dynamic\": true, \"nodes\": %" PRIu32 ", \"tetrahedra\": %" PRIu32
+            ", \"bytes\": %zu, \"young_pa\": %.9g, \"poisson\": %.9g,\n \"density_kg_m3\": %.9g, "
+            "\"damping_s\": %.9g, \"drag_per_s\": %.9g, \"diagonal_m\": %.9g, "
+            "\"skin_vertices\": %" PRIu32 ",\n \"levels\": [",
+            m->nodes, m->tets, bytes, (double)m->young_Pa, (double)m->poisson,
+            (double)m->density_kg_m3, (double)m->damping_s, (double)m->drag_per_s,
+            (double)m->diagonal_m, m->skin);
+    } else {
+        printf("dynamic body          %" PRIu32 " levels, %" PRIu32 " nodes, %" PRIu32
+               " tetrahedra, %" PRIu32 " skin vertices, %zu bytes\n",
+               m->levels, m->nodes, m->tets, m->skin, bytes);
+        printf("material              Young's modulus %.4g Pa, Poisson's ratio %.4g, %.4g kg/m^3, "
+               "damping %.3g s, drag %.3g 1/s\n",
+               (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3,
+               (double)m->damping_s, (double)m->drag_per_s);
+    }
+    for (uint32_t l = 0; l < m->levels; l++) {
+        uint32_t pinned = 0, first = m->first_node[l], end = m->first_node[l + 1];
+        double volume = 0;
+        for (uint32_t i = first; i < end; i++) {
+            pinned += (t->node[i].flags & PALP_TET_PINNED) != 0;
+            volume += (double)t->node[i].volume_m3;
+        }
+        uint32_t families = l + 1 < m->levels ? m->first_family[l + 1] - m->first_family[l] : 0;
+        uint32_t tets = m->first_tet[l + 1] - m->first_tet[l];
+        if (json) {
+            printf("%s{\"nodes\": %" PRIu32 ", \"fixed\": %" PRIu32 ", \"tetrahedra\": %" PRIu32
+                   ", \"families\": %" PRIu32 ", \"volume_m3\": %.9g}",
+                   l > 0 ? ", " : "", end - first, pinned, tets, families, volume);
+        } else {
+            printf("level %" PRIu32 "               %" PRIu32 " nodes (%" PRIu32 " fixed), %" PRIu32
+                   " tetrahedra, %" PRIu32 " families, %.4g m^3\n",
+                   l, end - first, pinned, tets, families, volume);
+        }
+    }
+    if (json) printf("]}\n");
+}
+
 int command_info(int argc, char **argv) {
     info_spec s = {.rate_hz = 1000};
     args_parse(argc, argv, options, help, set_option, &s);
@@ -228,6 +274,15 @@ int command_info(int argc, char **argv) {
     if (palp_zones_are_here(data, bytes)) {
         palp_zones *z = open_zones(s.blob, data, bytes);
         (s.json ? print_zones_json : print_zones)(z, bytes);
+        return EXIT_SUCCESS;
+    }
+    if (palp_tets_are_here(data, bytes)) {
+        palp_tets t;
+        palp_status status = palp_tets_open(&t, data, bytes);
+        if (status != PALP_OK)
+            die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", s.blob, palp_status_text(status),
+                bytes);
+        print_tets(&t, bytes, s.json);
         return EXIT_SUCCESS;
     }
     palp_blob b = open_blob(s.blob, data, bytes);

@@ -381,7 +381,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     }
     if (joined > 0) fprintf(f, "families              %" PRIu32 " parents share one\n", joined);
     fprintf(f, "blob                  %zu bytes\n", *bytes);
-    bvh_free(on);
+    if (on != NULL) bvh_free(on);
     mesh_free(&surface);
     return out;
 }

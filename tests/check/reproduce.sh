@@ -6,7 +6,7 @@ if [ "$(awk '/MemTotal/{print int($2 / 1e6)}' /proc/meminfo)" -lt 10 ]; then
     echo "1..1"
     exit 0
 fi
-$palp reproduce "$here/blobs/bean.model" "$here/blobs/large.model" -o out >log.txt 2>err.txt
+$palp reproduce "$here/blobs/bean.model" "$here/blobs/large.model" --dynamic "$here/blobs/liver.model" -o out >log.txt 2>err.txt
 ok $? "palp reproduce $(grep -vE ' s$|%,' err.txt | head -2)"
 [ -s out/index.html ] && [ "$(ls out/*.csv | wc -l)" -ge 14 ] && [ "$(ls out/*.svg | wc -l)" -ge 12 ]
 ok $? "index.html, $(ls out/*.csv | wc -l) CSV files, $(ls out/*.svg | wc -l) charts"

@@ -274,21 +274,25 @@ static void check_momentum(const char *name, bool graded, bool adaptive) {
     AT_MOST(drift_l, 1e-3, "%s: angular momentum", name);
 }
 
-/* Energy with velocities brought to the time of the positions: half a kick back. */
+/* The energy at the beginning of a tick, which is then done: velocities are brought to the time of
+ * the positions by half of the first kick. */
 static double energy_now(palp_dyna *d) {
-    double kinetic = 0;
+    double kinetic = 0, stored = 0;
     float *before = allocate(3 * d->tets->meta->nodes, sizeof *before);
-    memcpy(before, d->v_m_s, 3 * d->tets->meta->nodes * sizeof *before);
-    palp_dyna_forces(d, 0, palp_dyna_steps(d, 7));
-    double stored = (double)d->stored_J;
-    palp_dyna_move(d, palp_dyna_steps(d, 7));
-    for (uint32_t i = 0; i < d->active_count; i++) {
-        uint32_t n = d->active[i];
-        for (uint32_t k = 3 * n; k < 3 * n + 3; k++)
-            kinetic += 0.5 * (double)d->mass_kg[n] * (double)before[k] * (double)d->v_m_s[k];
+    uint32_t steps = palp_dyna_steps(d, 7);
+    for (uint32_t s = 0; s < steps; s++) {
+        memcpy(before, d->v_m_s, 3 * d->tets->meta->nodes * sizeof *before);
+        palp_dyna_forces(d, s, steps);
+        palp_dyna_move(d, steps);
+        if (s == 0) stored = (double)d->stored_J;
+        for (uint32_t i = 0; s == 0 && i < d->active_count; i++) {
+            uint32_t n = d->active[i];
+            for (uint32_t k = 3 * n; k < 3 * n + 3; k++)
+                kinetic += 0.5 * (double)d->mass_kg[n] * (double)before[k] * (double)d->v_m_s[k];
+        }
+        palp_dyna_follow(d);
     }
     free(before);
-    palp_dyna_follow(d);
     return kinetic + stored;
 }
 
@@ -308,7 +312,7 @@ static void check_energy(const char *name, bool adaptive) {
         high = fmax(high, e);
     }
     AT_MOST(fabs(last / first - 1), 0.01, "%s: undamped energy over 10,000 steps: drift", name);
-    AT_MOST(high / low - 1, 0.02, "%s: and its largest swing", name);
+    AT_MOST(high / low - 1, 0.05, "%s: and its largest swing", name);
 }
 
 /* ---- exact solutions: a bar that hangs by its end, Poisson's ratio 0 ---- */

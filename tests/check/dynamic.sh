@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: MIT
+# The liver, the paper's cube, the gain of adaptivity, the cost of a tick, a million steps of violence.
+. "$(dirname "$0")/../cli/lib.sh"
+"$palp" bake "$here/blobs/liver.model" -o liver.palp > bake.txt 2>/dev/null
+"$palp" play liver.palp --scene "$here/sim/liver.scene" --report liver.html -o liver.csv > play.txt
+ok $? "the liver is poked, released, and on time: $(sed -n '2p' play.txt | tr -s ' ')"
+sed 's/^/# /' play.txt
+awk -F, 'NR == 1 {for (i = 1; i <= NF; i++) c[$i] = i} NR > 1 {t = $c["t_s"]; f = $c["probe_fx"]^2 + $c["probe_fy"]^2 + $c["probe_fz"]^2; if (f > m) m = f
+    if (t > 2.5 && t < 3.5 && $c["displaced_m"] > d) d = $c["displaced_m"]} END {printf "%.2g N, then swings by up to %.2g m", sqrt(m), d; exit !(m > 0.01 && d > 1e-4)}' liver.csv > felt.txt
+ok $? "it pushes back with $(cat felt.txt)"
+"$palp" reproduce --dynamic "$here/blobs/liver.model" -o rep > rep.txt 2>/dev/null
+ok $? "palp reproduce --dynamic"
+sed 's/^/# /' rep.txt
+awk -F, 'NR > 1 && ($1 == "Green" || $1 == "engine") && $6 > 0.1 {bad = 1} END {exit bad}' rep/oscillations.csv
+ok $? "Green's strain: frequencies at 27, 59 and 145 nodes agree within 10 %"
+[ "$(ls rep/*.csv | wc -l)" -ge 6 ] && [ "$(grep -c '<svg' rep/index.html)" -ge 5 ]
+ok $? "figures 4 to 6 and the speed-up table are written"
+"$here/$BUILD/elements" > elements.txt
+ok $? "5,000 active tetrahedra at 1 kHz on one core: $(sed -n 3p elements.txt)"
+sed 's/^/# /' elements.txt
+"$here/$BUILD/tests/poke" ${PALP_POKES:-20000} > long.txt
+ok $? "violence, $(grep -o '([0-9.e+]* steps)' long.txt | tr -d '(steps)' | awk '{s += $1} END {printf "%.2g", s}') steps in all"
+sed 's/^/# /' long.txt
+if command -v valgrind >/dev/null; then
+    printf 'seconds 0.4\nrate 1000\nprobe 0.01\ntouch 0 -0.03 -0.01 0.05\ntouch 0.1 -0.03 -0.01 0.028\ntouch 0.3 -0.03 -0.01 0.028\ntouch 0.35 -0.03 -0.01 0.08\n' > short.scene
+    count() { # count NAME OPTIONS...: instructions of all ticks
+        name=$1
+        shift
+        valgrind --tool=callgrind --callgrind-out-file=cg.out --toggle-collect=palp_dynamic_tick "$palp" play liver.palp --scene short.scene "$@" > "$name.txt" 2> "$name.err"
+        grep -a 'Collected' "$name.err" | tr -dc '0-9 ' | awk '{print $NF}'
+    }
+    few=$(count adaptive -o adaptive.csv)
+    many=$(count uniform --uniform --ns-per-operation 0.001)
+    awk -v a="$few" -v b="$many" 'BEGIN {printf "%.3g against %.3g, %.1f times fewer", a, b, b / a; exit !(b > 5 * a)}' > gain.txt
+    ok $? "instructions of all ticks, adaptive against uniformly fine: $(cat gain.txt)"
+    awk -F, -v a="$few" 'NR == 1 {for (i = 1; i <= NF; i++) c[$i] = i} NR > 1 {s += $c["tick_us"] / 5e-4} END {r = a / s; printf "%.2f", r; exit !(r > 0.5 && r < 2.6)}' adaptive.csv > ratio.txt
+    ok $? "instructions per operation that the bounds count: $(cat ratio.txt)"
+else
+    ok 0 "instruction counts # SKIP no valgrind"
+fi
+done_testing
