@@ -3,9 +3,9 @@
 #include "core/base/arena.h"
 #include "core/dyna/skin.h"
 
-#define FACING 0.1f      /* least cosine at which a vertex is taken */
-#define HOLD 1.0f        /* tool sizes within which families are held */
-#define MARGIN 0.1f      /* tool sizes within which vertices are spots */
+#define FACING 0.1f     /* least cosine at which a vertex is taken */
+#define HOLD 1.0f       /* tool sizes within which families are held */
+#define MARGIN 0.1f     /* tool sizes within which vertices are spots */
 #define TOO_LITTLE 0.1f /* sum of squared weights: less hangs on nodes that cannot be moved */
 
 static void lay_out(palp_impose *p, const palp_tets *t, palp_arena *a) {
@@ -104,7 +104,8 @@ static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, f
     palp_imposed s = {.skin = skin, .tool = tool, .n = palp_skin_normal(p->dyna, skin)};
     palp_touch at = palp_tool_at(t, p->to_m[tool], x, s.n);
     bool before = (p->pressed[skin] >> tool & 1u) != 0u;
-    if (at.reach > 1.0f || (at.facing < FACING && !before) || at.depth_m < -2.0f * margin) return;
+    if (at.reach > 1.0f || at.depth_m < -2.0f * margin) return;
+    if (at.facing < (before ? 0.0f : FACING)) return;
     hang(p->dyna, &s);
     s.depth_m = at.depth_m;
     if (s.per_w2 > 0.0f) keep(p, &s);
@@ -162,7 +163,8 @@ static float yield(palp_dyna *d, const palp_imposed *s, float delta, float rate)
     return push;
 }
 
-static void press(palp_impose *p, palp_imposed *s, palp_vec3 c, palp_vec3 v_m_s) {
+static void press(palp_impose *p, const palp_imposed *s, palp_vec3 c, palp_vec3 v_m_s,
+                  float most_m) {
     palp_dyna *d = p->dyna;
     palp_vec3 x = s->rest_m, v = {0.0f, 0.0f, 0.0f};
     for (uint32_t k = 0; k < 4u; k++) {
@@ -170,9 +172,10 @@ static void press(palp_impose *p, palp_imposed *s, palp_vec3 c, palp_vec3 v_m_s)
         v = palp_madd(v, s->weight[k], palp_vec3_at(d->v_m_s + 3u * (size_t)s->node[k]));
     }
     palp_touch at = palp_tool_at(&p->tools[s->tool], c, x, s->n);
-    if (!(at.depth_m > 0.0f) || at.reach > 1.0f) return;
+    if (!(at.depth_m > 0.0f) || at.reach > 1.0f || at.facing < 0.0f) return;
+    float delta = palp_min(at.depth_m, most_m); /* the paper: gradually */
     float rate = palp_max(palp_dot(s->n, v) - palp_dot(at.push, v_m_s), 0.0f);
-    float push = yield(d, s, at.depth_m, rate);
+    float push = yield(d, s, delta, rate);
     p->impulse_Ns[s->tool] = palp_madd(p->impulse_Ns[s->tool], push, at.push);
     p->pressed[s->skin] |= (uint8_t)(1u << s->tool);
     p->inside++;
@@ -187,9 +190,10 @@ void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps) {
         at[t] = s + 1u == steps ? p->to_m[t] : palp_madd(p->from_m[t], share, path);
         v[t] = palp_scale(per_tick, path);
     }
+    const float most_m = PALP_IMPOSE_SPEED * p->dyna->config.tick_s / (float)steps;
     p->inside = 0;
     for (uint32_t i = 0; i < p->count; i++)
-        press(p, &p->spot[i], at[p->spot[i].tool], v[p->spot[i].tool]);
+        press(p, &p->spot[i], at[p->spot[i].tool], v[p->spot[i].tool], most_m);
 }
 
 void palp_impose_end(palp_impose *impose, palp_vec3 *force_N) {

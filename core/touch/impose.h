@@ -9,7 +9,8 @@
  * friction.
  *
  * A tool goes straight from where it was to where its device is in the course of a tick, no faster
- * than PALP_IMPOSE_SPEED: a reading that jumps does not shoot through the body. Vertices are
+ * than PALP_IMPOSE_SPEED: a reading that jumps does not shoot through the body. Nor does a vertex
+ * that is found inside move faster. Vertices are
  * looked for once a tick; families near a tool are held at the finest level (adapt.h).
  */
 #ifndef PALP_TOUCH_IMPOSE_H

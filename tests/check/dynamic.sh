@@ -2,7 +2,7 @@
 # The liver, the paper's cube, the gain of adaptivity, the cost of a tick, a million steps of violence.
 . "$(dirname "$0")/../cli/lib.sh"
 "$palp" bake "$here/blobs/liver.model" -o liver.palp > bake.txt 2>/dev/null
-"$palp" play liver.palp --scene "$here/sim/liver.scene" --report liver.html -o liver.csv > play.txt
+"$palp" play liver.palp --scene "$here/sim/liver.scene" --ns-per-operation 0.25 --report liver.html -o liver.csv > play.txt
 ok $? "the liver is poked, released, and on time: $(sed -n '2p' play.txt | tr -s ' ')"
 sed 's/^/# /' play.txt
 awk -F, 'NR == 1 {for (i = 1; i <= NF; i++) c[$i] = i} NR > 1 {t = $c["t_s"]; f = $c["probe_fx"]^2 + $c["probe_fy"]^2 + $c["probe_fz"]^2; if (f > m) m = f

@@ -68,7 +68,9 @@ bad 1 "tetrahedron 0 has no volume" "a flat tetrahedron" "young 1e4|poisson 0.4|
 echo "MeshVersionFormatted 2 Dimension 3" > bad.mesh
 bad 1 "holds no tetrahedra" "an empty mesh" "young 1e4|poisson 0.4|tets-from bad.mesh"
 refuses 2 "no resolution" "fill without a number" "$palp" fill bar.obj -o out.mesh
-refuses 1 "surface is open" "fill of an open surface" sh -c "head -n -2 bar.obj > open.obj; '$palp' fill open.obj --nodes 100 -o out.mesh"
+head -n -2 bar.obj > open.obj
+"$palp" fill open.obj --nodes 100 -o fill.mesh > /dev/null 2> err.txt && grep -q "1 hole(s) closed" err.txt
+ok $? "fill of an open surface: $(cat err.txt)"
 refuses 1 "a dynamic body, which has no Green's functions" "solve" "$palp" solve bar.palp --gravity 0 0 -1 -o out.csv
 refuses 1 "a dynamic body, which has no Green's functions" "the controller" "$palpd" bar.palp --bus loop --device arm3 --seconds 1
 head -c 60000 bar.palp > short.palp
