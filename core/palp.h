@@ -19,9 +19,13 @@
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface
  *   zone/   multizone models: postures, seams, the posed model as contact sees it
- *   touch/  tools, contact, friction, change of constraint level, point contact, virtual coupling
+ *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands on
+ *           blob alone)
+ *   touch/  tools, contact, friction, change of constraint level, point contact, virtual coupling,
+ *           imposed motion
  *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
- *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick
+ *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the bounded
+ *           tick of a dynamic body
  *
  * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
  * SI and part of each name that has one. Costs are given in the counts of the blob and of the

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "models.h"
+#include "core/base/crc32c.h"
 #include "tools/args.h"
 #include "tools/parallel.h"
 #include "tools/util.h"
@@ -261,4 +262,15 @@ void model_refine(palp_dyna *dyna, uint32_t level) {
         }
         palp_dyna_relist(dyna);
     }
+}
+
+void model_seal(uint8_t *bytes) {
+    palp_blob_header *h = (palp_blob_header *)(void *)bytes;
+    palp_blob_entry *e = (palp_blob_entry *)(void *)(bytes + sizeof *h);
+    for (uint32_t i = 0; i < h->section_count; i++)
+        e[i].crc = palp_crc32c(0, bytes + e[i].offset,
+                               (size_t)((e[i].count * e[i].element_bytes + 63) / 64 * 64));
+    h->header_crc = 0;
+    uint32_t crc = palp_crc32c(0, h, sizeof *h);
+    h->header_crc = palp_crc32c(crc, e, h->section_count * sizeof *e);
 }

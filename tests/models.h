@@ -71,4 +71,7 @@ palp_dyna *model_dyna(const palp_tets *tets, palp_material material, float tick_
 /* Splits every family down to `level`. */
 void model_refine(palp_dyna *dyna, uint32_t level);
 
+/* Sets the CRCs of a blob right after a change. */
+void model_seal(uint8_t *bytes);
+
 #endif

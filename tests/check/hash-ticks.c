@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Feeds the drives' frames of a candump log to the servo and prints a hash of every frame and force
- * it gives; then, with a multizone model, of every force and seam displacement while it moves. */
+ * it gives; then, with a multizone model, of every force and seam displacement while it moves,
+ * and of every force and motion of a dynamic body. */
 #include "core/palp.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -76,6 +77,42 @@ static void move_zones(const char *path) {
     printf("%016llx zones, ", (unsigned long long)hash);
 }
 
+/* A dynamic body, poked: forces, displacements and velocities of every tick. */
+static void move_body(const char *path) {
+    static palp_dynamic body;
+    size_t bytes;
+    palp_tets tets;
+    void *data = load(path, &bytes);
+    if (palp_tets_open(&tets, data, bytes) != PALP_OK) exit(1);
+    const palp_tool ball = palp_tool_sphere(0.006f);
+    const palp_dynamic_config config = {.tets = &tets,
+                                        .material = palp_material_of(1e4f, 0.4f, 1000, 2e-4f, 4),
+                                        .gravity_m_s2 = {0, 0, -1},
+                                        .adapt = palp_adapt_defaults(&tets),
+                                        .tools = &ball,
+                                        .tool_count = 1,
+                                        .max_spots = 32,
+                                        .most_class = 5,
+                                        .cost = {0.4f, 0.8f},
+                                        .port = {.now_ns = still_clock},
+                                        .tick_s = 1e-3f};
+    palp_vec3 at = {0.05f, 0.01f, 0.04f}, force;
+    size_t size = palp_dynamic_memsize(&tets, 32);
+    if (palp_dynamic_init(&body, &config, &at, aligned_alloc(64, size), size, NULL) != PALP_OK)
+        exit(1);
+    for (int k = 0; k < 500; k++) {
+        palp_dynamic_report report;
+        at.z = 0.04f - 0.00008f * (float)(k < 250 ? k : 500 - k);
+        palp_dynamic_tick(&body, 0, &at, &force, &report);
+        mix(&force, sizeof force);
+        mix(&report.evaluations, sizeof report.evaluations);
+        for (uint32_t i = 0; i < body.dyna.active_count; i++) {
+            mix(body.dyna.u_m + 3 * body.dyna.active[i], 3 * sizeof(float));
+            mix(body.dyna.v_m_s + 3 * body.dyna.active[i], 3 * sizeof(float));
+        }
+    }
+}
+
 int main(int argc, char **argv) {
     palp_blob blob;
     palp_servo *servo;
@@ -84,6 +121,7 @@ int main(int argc, char **argv) {
     void *data = load(argv[1], &bytes);
     if (palp_blob_open(&blob, data, bytes) != PALP_OK) return 1;
     if (argc > 3) move_zones(argv[3]);
+    if (argc > 4) move_body(argv[4]);
     palp_servo_config config = {.device = {.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
                                            .drives = {.protocol = PALP_PROTOCOL_ODRIVE,
                                                       .counts_per_rev = 8192,

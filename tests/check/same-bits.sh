@@ -4,6 +4,8 @@
 cd "$here" || exit 1
 small_body "$work/r.palp"
 small_chain "$work/z.palp"
+printf 'mesh bar.obj\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' > "$work/d.model"
+"$palp" bake "$work/d.model" -o "$work/d.palp" > /dev/null 2>&1
 "$palpd" "$work/r.palp" --bus loop --device arm3 --seconds 6 --no-wait --log "$work/r.log" >/dev/null
 grep -qE ' loop 0(29|49|69)#' "$work/r.log"
 ok $? "a log of $(grep -c . "$work/r.log") frames"
@@ -17,7 +19,7 @@ run() { # run NAME RUNNER COMPILER FLAGS...
     fi
     "$compiler" -std=c11 -ffp-contract=off -fno-math-errno -static "$@" -I. tests/check/hash-ticks.c core/*/*.c -o "$work/hash" 2>"$work/errors" ||
         { ok 1 "$name does not build: $(head -1 "$work/errors")"; return; }
-    hash=$($runner "$work/hash" "$work/r.palp" "$work/r.log" "$work/z.palp")
+    hash=$($runner "$work/hash" "$work/r.palp" "$work/r.log" "$work/z.palp" "$work/d.palp")
     [ -z "$reference" ] && reference=$hash
     [ -n "$hash" ] && [ "$hash" = "$reference" ]
     ok $? "$name: $hash"

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
 /* Multizone models: seams, postures, levels, cost, contact, against double precision. */
-#include "core/base/crc32c.h"
 #include "core/zone/assembly.h"
 #include "core/touch/contact.h"
 #include "tests/models.h"
@@ -632,18 +631,6 @@ static void test_bending(const zoned *model) {
 
 /* ---- hostile models ---- */
 
-/* Sets the CRCs of a model right after a change. */
-static void seal(uint8_t *bytes) {
-    palp_blob_header *h = (palp_blob_header *)(void *)bytes;
-    palp_blob_entry *e = (palp_blob_entry *)(void *)(bytes + sizeof *h);
-    for (uint32_t i = 0; i < h->section_count; i++)
-        e[i].crc = palp_crc32c(0, bytes + e[i].offset,
-                               (size_t)((e[i].count * e[i].element_bytes + 63) / 64 * 64));
-    h->header_crc = 0;
-    uint32_t crc = palp_crc32c(0, h, sizeof *h);
-    h->header_crc = palp_crc32c(crc, e, h->section_count * sizeof *e);
-}
-
 /* Words of the describing sections take hostile values: either refused, or used without harm. */
 static void test_hostile(const zoned *model) {
     static const uint32_t words[] = {0,   1,     2,          3,          31,         47,
@@ -663,7 +650,7 @@ static void test_hostile(const zoned *model) {
             size_t at = (size_t)((tap_random(&seed) + 1) / 2 * (double)all);
             uint32_t word = words[(size_t)((tap_random(&seed) + 1) / 2 * 12)];
             memcpy(bytes + e->offset + 4 * at, &word, 4);
-            seal(bytes);
+            model_seal(bytes);
             if (palp_zones_open(z, bytes, model->size) != PALP_OK) {
                 refused++;
                 continue;
