@@ -60,20 +60,19 @@ static palp_material choose_material(const player *p) {
     double young = (double)m->young_Pa, poisson = (double)m->poisson;
     double damping = (double)m->damping_s, drag = (double)m->drag_per_s;
     if (s->material != NULL) {
-        size_t k = 0, count = sizeof presets / sizeof presets[0];
-        while (k < count && strcmp(presets[k].name, s->material) != 0) k++;
-        if (k == count) {
-            char names[200] = "";
-            for (k = 0; k < count; k++) {
-                strcat(names, " ");
-                strcat(names, presets[k].name);
-            }
-            die(EXIT_USAGE, "--material: no '%s'; there are:%s", s->material, names);
+        bool found = false;
+        char names[200] = "";
+        for (size_t k = 0; k < sizeof presets / sizeof presets[0]; k++) {
+            strcat(names, " ");
+            strcat(names, presets[k].name);
+            if (strcmp(presets[k].name, s->material) != 0) continue;
+            found = true;
+            young = presets[k].young_Pa;
+            poisson = presets[k].poisson;
+            damping = presets[k].damping_s;
+            drag = presets[k].drag_per_s;
         }
-        young = presets[k].young_Pa;
-        poisson = presets[k].poisson;
-        damping = presets[k].damping_s;
-        drag = presets[k].drag_per_s;
+        if (!found) die(EXIT_USAGE, "--material: no '%s'; there are:%s", s->material, names);
     }
     if (s->young_Pa >= 0) young = s->young_Pa;
     if (s->poisson > -1) poisson = s->poisson;

@@ -113,7 +113,7 @@ static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, f
 
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
     palp_impose *p = impose;
-    float path_m[PALP_MAX_TOOLS];
+    float path_m[PALP_MAX_TOOLS] = {0.0f};
     p->count = 0;
     for (uint32_t t = 0; t < p->tool_count; t++) {
         p->from_m[t] = p->to_m[t];
