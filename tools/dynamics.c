@@ -222,7 +222,7 @@ static void take_key(void *context, const argument *a) {
 
 static void show_speedup(const work *w, const char *path) {
     static const option keys[] = {BODY_OPTIONS, TET_OPTIONS, {NULL, 0}};
-    static const double share[] = {0.001, 0.002, 0.004, 0.008};
+    static const double share[] = {0.004, 0.008, 0.016, 0.032};
     dynamic_spec s = {.body = body_defaults};
     s.body.folder = body_folder(path);
     args_parse_file(path, keys, take_key, &s);

@@ -74,10 +74,10 @@ poke poke_for(const palp_tets *tets) {
             found = i;
         }
     }
-    return (poke){.radius_m = 0.1f * m->diagonal_m,
+    return (poke){.radius_m = 0.05f * m->diagonal_m,
                   .place_m = palp_vec3_at(tets->rest_m + 3 * (size_t)tets->skin_node[found]),
                   .normal = palp_vec3_at(tets->skin_normal + 3 * (size_t)found),
-                  .depth_m = 0.08f * m->diagonal_m,
+                  .depth_m = 0.05f * m->diagonal_m,
                   .ticks = 1500};
 }
 

@@ -13,8 +13,8 @@ typedef struct {
     uint32_t ticks;    /* of 1 ms */
 } poke;
 
-/* A ball of a tenth of the diagonal against the vertex of the skin furthest from what is held, 8 %
- * of the diagonal deep, 1.5 s. */
+/* A ball of a twentieth of the diagonal against the vertex of the skin furthest from what is held,
+ * as deep, 1.5 s. */
 poke poke_for(const palp_tets *tets);
 
 typedef struct {

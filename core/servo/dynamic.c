@@ -3,9 +3,9 @@
 #include "core/base/arena.h"
 
 /* Operations of the parts, each about two instructions (tests/check/dynamic.sh counts them). */
-#define EVALUATION 170.0f
+#define EVALUATION 210.0f
 #define NODE_STEP 45.0f
-#define SOURCE 12.0f
+#define SOURCE 24.0f
 #define SPOT 260.0f
 #define SPOT_STEP 120.0f
 #define SKIN 40.0f

@@ -67,13 +67,13 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
 
 /* Operations of a tick as the body stands, with steps no finer than most_class:
- * search 40 skin (tools + 1) + 260 spots, and per step 170 per evaluation due, 45 per active node,
- * 12 per source of an interface node, 120 spots; then 30 per active node and
+ * search 40 skin (tools + 1) + 260 spots, and per step 210 per evaluation due, 45 per active node,
+ * 24 per source of an interface node, 120 spots; then 30 per active node and
  * palp_dynamic_cost_adapt. */
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
 
 /* Operations of measures and changes: 12 nodes + 8 families + 4 changes families + 24 looks, and
- * once the lists, 40 nodes + 12 tets + 20 skin + 12 means. */
+ * once the lists, 40 nodes + 12 tets + 20 skin + 24 means. */
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 
 /* The same of the coarsest mesh with one step, collapse included: what always has to fit. */
