@@ -43,8 +43,9 @@ typedef struct {
     size_t ticks;
     lively_tick *tick;
     film film;
-    double jump, step; /* of the surface: largest step at a change of level beyond its motion,
-                          largest step of any vertex */
+    double jump_m, step_m,
+        fade_m; /* of the surface: largest difference that a change of level left
+                   to fade; largest motion, and beyond it, of a vertex in a tick */
 } player;
 
 static uint64_t now_ns(void *context) {
@@ -138,16 +139,17 @@ static void open_body(player *p) {
 }
 
 /* Largest displacement of the surface, and how it stepped. */
-static void look_at_surface(player *p, lively_tick *k, const float *before, const uint8_t *level) {
+static void look_at_surface(player *p, lively_tick *k, const float *before) {
     for (uint32_t i = 0; i < p->tets.meta->skin; i++) {
         palp_vec3 now = palp_vec3_at(p->skin.place_m + 3 * i);
         palp_vec3 rest = palp_vec3_at(p->tets.rest_m + 3 * (size_t)p->tets.skin_node[i]);
         double moved = (double)palp_norm(palp_sub(now, palp_vec3_at(before + 3 * i)));
         double speed = (double)palp_norm(palp_skin_velocity(&p->body.dyna, i)) / p->s.rate_hz;
         k->displaced_m = fmax(k->displaced_m, (double)palp_norm(palp_sub(now, rest)));
-        p->step = fmax(p->step, speed);
-        if (level[i] != p->skin.level[i]) p->jump = fmax(p->jump, moved - speed);
+        p->step_m = fmax(p->step_m, speed);
+        p->fade_m = fmax(p->fade_m, moved - speed);
     }
+    p->jump_m = fmax(p->jump_m, (double)p->skin.jump_m);
 }
 
 static void run(player *p) {
@@ -158,7 +160,6 @@ static void run(player *p) {
         die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
     p->tick = allocate(p->ticks + 1, sizeof *p->tick);
     float *before = allocate(3 * skin, sizeof *before);
-    uint8_t *level = allocate(skin, 1);
     for (size_t i = 0; i < p->ticks; i++) {
         lively_tick *k = &p->tick[i];
         palp_vec3 at[SCENE_TRACKS], force[SCENE_TRACKS];
@@ -173,9 +174,8 @@ static void run(player *p) {
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++)
             k->force_N[p->which[t]] = force[t];
         memcpy(before, p->skin.place_m, 3 * skin * sizeof *before);
-        memcpy(level, p->skin.level, skin);
         palp_skin_update(&p->skin, (float)(1 / p->s.rate_hz));
-        look_at_surface(p, k, before, level);
+        look_at_surface(p, k, before);
         if (i % frame_every == 0 && p->spec->report != NULL) {
             double ball[3];
             scene_at(&p->s.track[SCENE_PROBE], k->t_s, ball);
@@ -184,7 +184,6 @@ static void run(player *p) {
         }
     }
     free(before);
-    free(level);
 }
 
 /* ---- what it was like ---- */
@@ -225,7 +224,7 @@ static spread times(const player *p, bool wall) {
 static void summary(FILE *f, const player *p) {
     double force = 0, displaced = 0, work = 0, most = 0, fine = fine_work(p);
     uint32_t splits = 0, merges = 0, refused = 0, overflow = 0, active[PALP_TET_LEVELS] = {0};
-    size_t shortened = 0, collapsed = 0, coasted = 0, calmed = 0;
+    size_t shortened = 0, collapsed = 0, coasted = 0, calmed = 0, lost = 0;
     for (size_t i = 0; i < p->ticks; i++) {
         const palp_dynamic_report *r = &p->tick[i].r;
         force = fmax(force, force_of(&p->tick[i]));
@@ -240,6 +239,7 @@ static void summary(FILE *f, const player *p) {
         collapsed += r->collapsed;
         coasted += r->coasted;
         calmed += r->calmed;
+        lost += r->lost;
         for (uint32_t l = 0; l < p->tets.meta->levels; l++)
             active[l] = r->active[l] > active[l] ? r->active[l] : active[l];
     }
@@ -267,9 +267,12 @@ static void summary(FILE *f, const player *p) {
             "started too late %zu\n",
             shortened, collapsed, coasted);
     fprintf(f,
-            "surface               largest step at a change of level beyond its motion %.2g of "
-            "its largest motion in a tick\n",
-            p->step > 0 ? fmax(p->jump, 0) / p->step : 0);
+            "surface               changes of level leave at most %.2g m to fade; beyond its own "
+            "motion it moves %.2g m a tick at most, largest motion %.2g m\n",
+            p->jump_m, p->fade_m, p->step_m);
+    if (lost > 0)
+        fprintf(f, "motion lost           put back to rest in %zu ticks: not finite any more\n",
+                lost);
     fprintf(f, "energy monitor        acted in %zu ticks\n", calmed);
     fprintf(f, "contact               largest force %.3g N, largest displacement %.3g m%s\n", force,
             displaced, overflow > 0 ? "; some vertices found no place among the spots" : "");

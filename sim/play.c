@@ -79,13 +79,13 @@ static void set_option(void *context, const argument *a) {
     } else if (strcmp(o, "--young") == 0) {
         s->young_Pa = arg_between(a, 0, 1e12);
     } else if (strcmp(o, "--poisson") == 0) {
-        s->poisson = arg_between(a, -1, 0.5);
+        s->poisson = arg_between(a, -0.9999, 0.4999);
     } else if (strcmp(o, "--damping") == 0) {
         s->damping_s = arg_upto(a, 100);
     } else if (strcmp(o, "--drag") == 0) {
         s->drag_per_s = arg_upto(a, 1000);
     } else if (strcmp(o, "--refine") == 0) {
-        s->refine_share = arg_between(a, 0, 1);
+        s->refine_share = arg_between(a, 1e-6, 1);
     } else if (strcmp(o, "--uniform") == 0) {
         s->uniform = true;
     } else {

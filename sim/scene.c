@@ -43,6 +43,8 @@ static void take_key(void *context, const argument *a) {
         s->stiffness_N_per_m = positive(a, 0);
     } else if (strcmp(o, "--gravity") == 0) {
         for (int k = 0; k < 3; k++) s->gravity_m_s2[k] = arg_double(a, k);
+        if (!(v_norm(s->gravity_m_s2) <= 1e4))
+            die(EXIT_USAGE, "%s: more than 10000 m/s^2", a->where);
     } else if (strcmp(o, "--pose") == 0) {
         if (r->zones == NULL) die(EXIT_USAGE, "%s: a dynamic body has no joints", a->where);
         uint32_t j = find_joint(a->where, r->zones, a->value[1]);

@@ -270,6 +270,8 @@ static int bake_tets(const bake_spec *s, output *out, double start) {
     if (s->zones.zones > 0) die(EXIT_USAGE, "a model has zones or tets, not both");
     if (s->raw || s->detail != NULL || s->level_chosen || s->half || s->body.compliance != NULL)
         die(EXIT_USAGE, "a model with tets has no Green's functions to store, compress or show");
+    if (s->save_mesh != NULL && strcmp(s->save_mesh, "-") == 0)
+        die(EXIT_USAGE, "--save-mesh: several meshes need a name, not '-'");
     size_t size;
     uint8_t *bytes = tet_bake(&s->tets, &s->body, s->save_mesh, f, &size);
     if (fwrite(bytes, 1, size, out->file) != size) die(EXIT_WORK, "cannot write %s", s->output);

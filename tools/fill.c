@@ -42,23 +42,28 @@ int command_fill(int argc, char **argv) {
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
     if (s.count == 0) die(EXIT_USAGE, "no resolution: add --nodes N");
+    bool piped = s.output != NULL && strcmp(s.output, "-") == 0;
+    if (piped && s.count > 1) die(EXIT_USAGE, "-o: several meshes need a name, not '-'");
+    FILE *table = piped ? stderr : stdout;
     mesh surface = mesh_load(s.input);
     (void)mesh_drop_unused(&surface);
     uint32_t filled = mesh_fill_holes(&surface, 1);
     if (filled > 0) warn("%s: %" PRIu32 " hole(s) closed", s.input, filled);
     mesh_require_closed(&surface, s.input);
     bvh *on = bvh_build(&surface);
-    printf("  nodes  tetrahedra  dihedral angles (deg)  volume    to the surface: mean    largest"
-           "  from it: furthest  (%% of the diagonal %.4g m)\n",
-           mesh_diagonal(&surface));
+    fprintf(table,
+            "  nodes  tetrahedra  dihedral angles (deg)  volume    to the surface: mean    largest"
+            "  from it: furthest  (%% of the diagonal %.4g m)\n",
+            mesh_diagonal(&surface));
     for (uint32_t i = 0; i < s.count; i++) {
         double pitch = 0, dropped = 0;
         tetmesh m = stuff_level(&surface, on, s.nodes[i], i, &pitch, &dropped);
         tet_quality q = tetmesh_quality(&m, &surface, on);
         double percent = 100 / mesh_diagonal(&surface);
-        printf("%7" PRIu32 " %11" PRIu32 "  %8.1f .. %6.1f   %+9.2f %%  %20.3f %10.3f %19.3f\n",
-               m.nodes, m.tets, q.low_deg, q.high_deg, 100 * q.volume_error, percent * q.mean_m,
-               percent * q.largest_m, percent * q.far_m);
+        fprintf(table,
+                "%7" PRIu32 " %11" PRIu32 "  %8.1f .. %6.1f   %+9.2f %%  %20.3f %10.3f %19.3f\n",
+                m.nodes, m.tets, q.low_deg, q.high_deg, 100 * q.volume_error, percent * q.mean_m,
+                percent * q.largest_m, percent * q.far_m);
         if (dropped > 1e-3)
             warn("%s: %.1f %% of the volume hangs on by less than one element at %" PRIu32
                  " nodes and is left out",

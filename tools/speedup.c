@@ -74,6 +74,7 @@ poke poke_for(const palp_tets *tets) {
             found = i;
         }
     }
+    if (best < 0) die(EXIT_WORK, "the speed-up is measured on a body that is held: fix some nodes");
     return (poke){.radius_m = 0.05f * m->diagonal_m,
                   .place_m = palp_vec3_at(tets->rest_m + 3 * (size_t)tets->skin_node[found]),
                   .normal = palp_vec3_at(tets->skin_normal + 3 * (size_t)found),
@@ -111,8 +112,8 @@ speedup speedup_measure(const palp_tets *tets, palp_material material, const pok
         off_force = fmax(off_force, off);
         sum_force += k < 300 ? off / 300 : 0;
     }
-    r.force_worst = off_force / largest;
-    r.force_mean = sum_force / largest;
+    r.force_worst = largest > 0 ? off_force / largest : 0;
+    r.force_mean = largest > 0 ? sum_force / largest : 0;
     free(a->memory);
     free(f->memory);
     free(a);

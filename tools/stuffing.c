@@ -16,6 +16,7 @@
           */
 #define SAFE_HIGH 150.0
 #define CLOSE_ENOUGH 0.04 /* to the number of nodes asked for */
+#define MOST_POINTS 2e7   /* of a lattice */
 #define NOWHERE UINT32_MAX
 
 /*
@@ -118,22 +119,6 @@ static void mark_inside(lattice *l) {
     }
 }
 
-static void measure(lattice *l) {
-    for (size_t i = 0; i < l->points; i++) {
-        int p[3];
-        double point[3];
-        point_place(l, i, p);
-        for (int k = 0; k < 3; k++) l->x[i][k] = l->origin[k] + 0.5 * l->pitch * p[k];
-        double d = bvh_closest(l->on, l->x[i], NULL, 0, point, NULL);
-        if (d < 1e-7 * l->pitch) {
-            l->level[i] = 0;
-            memcpy(l->x[i], point, sizeof point);
-        } else {
-            l->level[i] = l->level[i] > 0 ? (float)d : -(float)d;
-        }
-    }
-}
-
 /* ---- neighbours and cuts ---- */
 
 /* The six long and eight short edges of a point, in doubled coordinates. */
@@ -158,6 +143,33 @@ static bool crossed(const lattice *l, size_t a, size_t b) {
 /* Share of the edge from a at which the surface crosses it. */
 static double cut_share(const lattice *l, size_t a, size_t b) {
     return (double)l->level[a] / ((double)l->level[a] - (double)l->level[b]);
+}
+
+/* Distances, where the surface passes between a point and a neighbour. */
+static void measure(lattice *l) {
+    for (size_t i = 0; i < l->points; i++) {
+        int p[3];
+        point_place(l, i, p);
+        for (int k = 0; k < 3; k++) l->x[i][k] = l->origin[k] + 0.5 * l->pitch * p[k];
+    }
+    bool *near = allocate(l->points, 1);
+    for (size_t i = 0; i < l->points; i++) {
+        for (int e = 0; e < 14 && !near[i]; e++) {
+            size_t j = neighbour(l, i, e);
+            near[i] = j != SIZE_MAX && crossed(l, i, j);
+        }
+    }
+    for (size_t i = 0; i < l->points; i++) {
+        if (!near[i]) continue;
+        double point[3], d = bvh_closest(l->on, l->x[i], NULL, 0, point, NULL);
+        if (d < 1e-7 * l->pitch) {
+            l->level[i] = 0;
+            memcpy(l->x[i], point, sizeof point);
+        } else {
+            l->level[i] = l->level[i] > 0 ? (float)d : -(float)d;
+        }
+    }
+    free(near);
 }
 
 static void warp(lattice *l) {
@@ -535,7 +547,8 @@ static void smooth(tetmesh *m, const bvh *on) {
 tetmesh stuff(const mesh *surface, const bvh *on, double pitch, const double phase[3],
               double *dropped) {
     lattice l = {.surface = surface, .on = on, .pitch = pitch};
-    l.points = 2;
+    *dropped = 0;
+    double points = 2;
     for (int k = 0; k < 3; k++) {
         double low = HUGE_VAL, high = -HUGE_VAL;
         for (uint32_t i = 0; i < surface->vertices; i++) {
@@ -543,11 +556,13 @@ tetmesh stuff(const mesh *surface, const bvh *on, double pitch, const double pha
             high = fmax(high, surface->x[i][k]);
         }
         double middle = 0.5 * (low + high) + phase[k] * pitch;
+        points *= (high - low) / pitch + 5;
+        if (points > MOST_POINTS) return l.m;
         int below = (int)ceil((middle - low) / pitch) + 1;
         l.origin[k] = middle - below * pitch;
         l.cells[k] = below + (int)ceil((high - middle) / pitch) + 2;
-        l.points *= (size_t)l.cells[k];
     }
+    l.points = 2 * (size_t)l.cells[0] * (size_t)l.cells[1] * (size_t)l.cells[2];
     l.level = allocate(l.points, sizeof *l.level);
     l.x = allocate(l.points, sizeof *l.x);
     l.number = allocate(l.points, sizeof *l.number);
@@ -592,6 +607,7 @@ tetmesh stuff_level(const mesh *surface, const bvh *on, uint32_t nodes, uint32_t
         guess = next;
     }
     if (kept.tets == 0)
-        die(EXIT_WORK, "no tetrahedra: %" PRIu32 " nodes are too few for this body", nodes);
+        die(EXIT_WORK,
+            "no tetrahedra: %" PRIu32 " nodes are too few for this body, or it is too thin", nodes);
     return kept;
 }

@@ -282,8 +282,9 @@ uint8_t *tet_assemble(const tetmesh *level, uint8_t *const *pinned, uint32_t lev
     palp_tets check;
     palp_status status = palp_tets_open(&check, out, *bytes);
     if (status != PALP_OK) {
-        die(EXIT_WORK, "the finished blob does not open: %s (are the units metres and pascals?)",
-            palp_status_text(status));
+        bool odd = !(s.meta.diagonal_m > 1e-6f && s.meta.diagonal_m < 1e6f);
+        die(EXIT_WORK, "the finished blob does not open: %s%s", palp_status_text(status),
+            odd ? " (are the units metres and pascals?)" : "");
     }
     void *owned[] = {s.rest,          s.node,         s.tet,
                      s.around_offset, s.around,       s.container,
@@ -334,6 +335,11 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     uint8_t *pinned[TET_LEVELS], sha[32];
     const char *source = t->from[0] != NULL ? t->from[0] : body->mesh_path;
     body_require_material(body);
+    for (int k = 0; k < body->fix_count; k++) {
+        if (body->fixes[k].kind == FIX_NODES && (t->levels > 1 || t->from[0] == NULL))
+            die(EXIT_USAGE, "fix-nodes: levels have different nodes: use fix-below, fix-above or "
+                            "fix-box");
+    }
     if (source == NULL) die(EXIT_USAGE, "no mesh: a 'mesh FILE' line or 'tets-from FILE ...'");
     size_t file_bytes;
     char *file = read_file(source, &file_bytes);
@@ -371,6 +377,10 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
         const mesh none = {.vertices = 0};
         q = tetmesh_quality(&level[l], on != NULL ? &surface : &none, on);
         print_level(f, l, &level[l], pinned[l], &q, diagonal);
+        if (q.volume_error < -0.3)
+            warn("level %" PRIu32 " misses %.0f %% of the volume, parts that are thinner than its "
+                 "elements: use more nodes",
+                 l, -100 * q.volume_error);
         if (save_mesh != NULL) {
             char path[4096];
             tetmesh_name(save_mesh, (int)l, path, sizeof path);

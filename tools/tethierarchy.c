@@ -167,17 +167,23 @@ static bool take_in(kinship *k, uint32_t p) {
     return true;
 }
 
+/* Whether the family of p stands for it. */
+static bool stands(kinship *k, uint32_t p) {
+    list_children(k, root_of(k, p));
+    return k->count >= 4 &&
+           affine_weights(k->fine, k->list, k->count, k->coarse->x[p], k->scale, k->weight);
+}
+
+/* A family that grows is looked at again. */
 static void settle(kinship *k) {
-    for (uint32_t p = 0; p < k->coarse->nodes; p++) {
-        for (;;) {
-            list_children(k, root_of(k, p));
-            if (k->count >= 4 &&
-                affine_weights(k->fine, k->list, k->count, k->coarse->x[p], k->scale, k->weight))
-                break;
+    for (bool joined = true; joined;) {
+        joined = false;
+        for (uint32_t p = 0; p < k->coarse->nodes; p++) {
+            if (stands(k, p)) continue;
+            joined = true;
             if (take_in(k, p)) continue;
             die(EXIT_WORK,
-                "a level of %u nodes cannot follow one of %u: give them more different "
-                "resolutions",
+                "a level of %u nodes cannot follow one of %u: give them more different resolutions",
                 k->coarse->nodes, k->fine->nodes);
         }
     }
@@ -223,8 +229,7 @@ tet_families tet_families_build(const tetmesh *coarse, const tetmesh *fine) {
     for (uint32_t i = 0; i < fine->nodes; i++) f.of_child[i] = f.of_parent[k.nearest[i]];
     size_t room = 0, weight_room = 0;
     for (uint32_t p = 0; p < coarse->nodes; p++) {
-        list_children(&k, root_of(&k, p));
-        (void)affine_weights(fine, k.list, k.count, coarse->x[p], k.scale, k.weight);
+        (void)stands(&k, p); /* as it settled */
         uint32_t at = f.mean_offset[p];
         f.mean = grow(f.mean, &room, at + k.count, sizeof *f.mean);
         f.mean_weight = grow(f.mean_weight, &weight_room, at + k.count, sizeof *f.mean_weight);

@@ -82,5 +82,5 @@ double tet_coupling(const tetmesh *m, const palp_tet_node *node) {
     }
     void *owned[] = {p.gradient, p.u, p.f, p.j};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
-    return fmin(4, 1.05 * worst);
+    return fmin(4, 1.1 * worst);
 }

@@ -235,7 +235,7 @@ typedef struct {
     float young_Pa, poisson, density_kg_m3, damping_s; /* phi = damping lambda, psi = damping mu */
     float drag_per_s;                                  /* damping of the velocity itself */
     float diagonal_m;                                  /* of the bounding box */
-    float theta[PALP_TET_LEVELS]; /* K <= theta times its block diagonal; at most 4 */
+    float theta[PALP_TET_LEVELS]; /* K <= theta times its block diagonal, estimated; at most 4 */
     uint8_t mesh_sha256[32];
 } palp_tets_meta;
 

@@ -80,6 +80,8 @@ void palp_adapt_hold(palp_adapt *adapt, uint32_t skin) {
         uint32_t f = t->family[2u * (size_t)n];
         adapt->held[f] = 1;
         n = t->parent[t->parent_offset[f]];
+        for (uint32_t k = t->parent_offset[f]; l > 1u && k < t->parent_offset[f + 1u]; k++)
+            adapt->held[t->family[2u * (size_t)t->parent[k]]] = 1;
     }
 }
 
@@ -246,10 +248,9 @@ static void split_some(palp_adapt *s, palp_adapt_room room, palp_adapt_report *r
         } else if (price(s->dyna, first, top, room) > room.spare) {
             s->gamma_m[f] = NOT_NOW;
             r->refused++;
-            if (held) {
-                merge_some(s, s->config.max_changes - k, OTHERS, r);
-                return;
-            }
+            if (!held) continue;
+            if (r->splits == 0u) merge_some(s, s->config.max_changes - k, OTHERS, r);
+            return;
         } else {
             room.spare -= price(s->dyna, first, top, room);
             if (s->dyna->family_class[first] > top) top = s->dyna->family_class[first];
@@ -268,8 +269,9 @@ palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room) {
     if (room.spare < 0.0f) {
         merge_some(s, s->config.max_changes, ANY, &r);
     } else {
+        /* not both: states are those from before either */
         merge_some(s, s->config.max_changes, CALM, &r);
-        split_some(s, room, &r);
+        if (r.merges == 0u) split_some(s, room, &r);
     }
     for (uint32_t f = 0; f < d->tets->meta->families; f++) {
         s->held[f] = 0;

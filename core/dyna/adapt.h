@@ -9,9 +9,10 @@
  * Neighbours differ by one level at most: a family waits to split until the elements of its parents
  * are all there on their level, and asks for what is missing first.
  *
- * The rate is guaranteed by a cap on the work of a tick: no family splits when the tick could then
- * exceed it (AD 3.3), and when it is exceeded, because the cap came down, families merge with the
- * smallest gamma first.
+ * The rate is guaranteed by a cap on the work of a tick: no family splits when the tick is
+ * expected to exceed it then (AD 3.3), and when it is exceeded all the same, or the cap came down,
+ * families merge with the smallest gamma first. (The tick itself never is beyond its bound: it
+ * takes larger steps meanwhile, servo/dynamic.h.)
  */
 #ifndef PALP_DYNA_ADAPT_H
 #define PALP_DYNA_ADAPT_H
@@ -66,7 +67,7 @@ typedef struct {
 
 /*
  * Measures, then merges, or splits within the room there is.
- * Cost: 12 per node, 8 per family, 4 per family and change, 24 per look, and palp_dyna_relist if
+ * Cost: 12 per node, 8 per family, 8 per family and change, 24 per look, and palp_dyna_relist if
  * anything changed.
  */
 palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room);

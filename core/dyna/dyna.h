@@ -31,9 +31,9 @@
  * mass m is raised to theta/4 (dt^2 j + 2 dt c), with j and c the largest eigenvalues of its
  * Jacobian and its damping matrix, times how much its elements have stiffened by stretching. That
  * is stable for any step, since the stiffness of the mesh is at most theta times its block
- * diagonal (theta is at most 4 for tetrahedra; bake measures it, about 1.2). It leaves rigid motion
- * alone, while filtering the velocity itself, as the paper writes it, brakes it; and it does not
- * change when the body turns, as the paper's fixed 3x3 matrix would.
+ * diagonal (theta is at most 4 for tetrahedra; bake estimates it by iteration). It leaves rigid
+ * motion alone, while filtering the velocity itself, as the paper writes it, brakes it; and it does
+ * not change when the body turns, as the paper's fixed 3x3 matrix would.
  */
 #ifndef PALP_DYNA_DYNA_H
 #define PALP_DYNA_DYNA_H

@@ -2,7 +2,8 @@
 /*
  * The surface that is seen (AD 4.1): the boundary of the finest mesh, each vertex hanging in a
  * tetrahedron of the level that is active around it. When that level changes the vertex stays where
- * it is; the difference to where it should be fades in PALP_SKIN_FADE_S, so nothing pops.
+ * it is; the difference to where it should be fades exponentially, to 37 % in PALP_SKIN_FADE_S, so
+ * nothing pops.
  */
 #ifndef PALP_DYNA_SKIN_H
 #define PALP_DYNA_SKIN_H
@@ -22,8 +23,7 @@ typedef struct {
     float *place_m; /* [skin][3] shown */
     float *off_m;   /* [skin][3] still to fade */
     uint8_t *level; /* [skin] */
-    float jump_m;   /* largest step that fading took away at a change of level in the last
-                       update */
+    float jump_m;   /* largest difference that a change of level left to fade in the last update */
 } palp_skin;
 
 size_t palp_skin_memsize(const palp_tets *tets);

@@ -50,10 +50,10 @@ static void read_nodes(palp_reader *r, palp_tets *t) {
         palp_reader_require(r, e->volume_m3 > 0.0f && palp_is_finite(e->volume_m3) &&
                                    e->near_m > 0.0f && palp_is_finite(e->near_m) &&
                                    e->flags <= PALP_TET_PINNED);
-        for (uint32_t k = 0; k < 6u; k++) {
+        for (uint32_t k = 0; k < 6u; k++)
             palp_reader_require(r,
-                                palp_is_finite(e->spread[k]) && (k >= 3u || e->spread[k] > 0.0f));
-        }
+                                palp_is_finite(e->spread[k]) && (k >= 3u || e->spread[k] >= 0.0f));
+        palp_reader_require(r, e->spread[0] + e->spread[1] + e->spread[2] > 0.0f);
     }
 }
 

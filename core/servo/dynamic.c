@@ -9,6 +9,7 @@
 #define SPOT 260.0f
 #define SPOT_STEP 120.0f
 #define SKIN 40.0f
+#define SKIN_TOOL 60.0f
 #define NODE_TICK 30.0f
 #define LIST_NODE 40.0f
 #define LIST_TET 12.0f
@@ -75,16 +76,19 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
     float least = palp_dynamic_cost_least(d) * config->cost.ns_per_operation;
     if (bound_ns != NULL) *bound_ns = least;
     if (least > period_ns(config)) return PALP_ERR_BUDGET;
-    if (config->uniform) refine_all(d);
-    return PALP_OK;
+    if (!config->uniform) return PALP_OK;
+    refine_all(d);
+    least = palp_dynamic_cost_tick(d, 0) * config->cost.ns_per_operation;
+    if (bound_ns != NULL) *bound_ns = least;
+    return least > period_ns(config) ? PALP_ERR_BUDGET : PALP_OK;
 }
 
 /* ---- bounds ---- */
 
 static float cost_search(const palp_dynamic *d) {
-    float tools = (float)d->config.tool_count;
-    return SKIN * (float)d->config.tets->meta->skin * (1.0f + tools) +
-           SPOT * (float)d->config.max_spots;
+    float tools = (float)d->config.tool_count, spots = (float)d->config.max_spots;
+    return (SKIN + SKIN_TOOL * tools) * (float)d->config.tets->meta->skin +
+           (float)PALP_IMPOSE_LOOKS * spots * (SPOT + spots);
 }
 
 static float cost_steps(const palp_dynamic *d, float steps) {
@@ -103,7 +107,7 @@ float palp_dynamic_cost_adapt(const palp_dynamic *dynamic) {
     const palp_tets_meta *m = dynamic->config.tets->meta;
     float nodes = (float)m->nodes, families = (float)m->families;
     return 12.0f * nodes + 8.0f * families +
-           (float)dynamic->adapt.config.max_changes * 4.0f * families +
+           (float)dynamic->adapt.config.max_changes * 8.0f * families +
            24.0f * (float)dynamic->adapt.config.max_looks + cost_lists(dynamic->config.tets);
 }
 
@@ -116,7 +120,8 @@ float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class) {
 
 float palp_dynamic_cost_least(const palp_dynamic *dynamic) {
     const palp_tets_meta *m = dynamic->config.tets->meta;
-    float nodes = (float)m->first_node[1], tets = (float)m->first_tet[1];
+    float nodes = (float)m->first_node[1];
+    float tets = (float)((m->first_tet[1] + PALP_LANES - 1u) / PALP_LANES * PALP_LANES);
     return cost_search(dynamic) + EVALUATION * tets + (NODE_STEP + NODE_TICK) * nodes +
            SPOT_STEP * (float)dynamic->config.max_spots + SOURCE * 4.0f * (float)m->nodes +
            palp_dynamic_cost_adapt(dynamic) + 2.0f * cost_lists(dynamic->config.tets);
@@ -139,7 +144,7 @@ static bool choose(palp_dynamic *d, float ops, uint32_t *most_class, palp_dynami
         if (*most_class == 0u) {
             if (palp_dynamic_cost_least(d) > ops) return false;
             palp_dyna_collapse(&d->dyna);
-            d->work += (uint64_t)cost_lists(d->config.tets);
+            d->work += (uint64_t)(2.0f * cost_lists(d->config.tets));
             r->collapsed = true;
             d->changed = true;
             break;
@@ -197,17 +202,29 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
                    cost_steps(d, (float)r->steps) + NODE_TICK * (float)d->dyna.active_count);
 }
 
+/* Numbers beyond what floats hold: the body is put back to rest, and nothing is felt. */
+static void begin_again(palp_dynamic *d, palp_dynamic_report *r) {
+    palp_adapt_reset(&d->adapt);
+    if (d->config.uniform) refine_all(d);
+    d->energy.allowed_J = d->energy.kinetic_J = d->energy.total_J = 0.0f;
+    for (uint32_t t = 0; t < d->config.tool_count; t++)
+        d->force_N[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
+    r->lost = true;
+}
+
 void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,
                        palp_vec3 *force_N, palp_dynamic_report *report) {
     palp_dynamic *d = dynamic;
     uint32_t most_class;
     *report = (palp_dynamic_report){.steps = 0};
     if (choose(d, budget_ops(d, left_ns(d, start_ns)), &most_class, report)) {
-        report->bound = palp_dynamic_cost_tick(d, most_class);
+        report->bound = palp_dynamic_cost_tick(d, most_class) +
+                        (report->collapsed ? 2.0f * cost_lists(d->config.tets) : 0.0f);
         run(d, most_class, tool_m, report);
         report->calmed = palp_energy_watch(&d->energy, &d->dyna,
                                            work_of_tools(&d->impose, d->force_N), d->changed);
         d->changed = false;
+        if (!palp_is_finite(d->energy.total_J)) begin_again(d, report);
         if (!d->config.uniform) {
             report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;

@@ -42,6 +42,7 @@ typedef struct {
     bool collapsed;                   /* merged to the coarsest mesh to be in time */
     bool coasted; /* began too late: the force is the last one, the body stands still */
     bool calmed;  /* the energy monitor took something out */
+    bool lost;    /* the motion was not finite any more: the body was put back to rest */
     float kinetic_J, total_J;
     float bound; /* operations that this tick could take at most */
 } palp_dynamic_report;
@@ -61,18 +62,19 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots);
 
 /*
  * Tools begin at at_m. Errors: ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the coarsest mesh with
- * one step does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
+ * one step does not fit the period (or, uniform, the finest with one step); *bound_ns (may be NULL)
+ * then says how much time it needs. After an error *dynamic is not to be used.
  */
 palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
 
 /* Operations of a tick as the body stands, with steps no finer than most_class:
- * search 40 skin (tools + 1) + 260 spots, and per step 210 per evaluation due, 45 per active node,
- * 24 per source of an interface node, 120 spots; then 30 per active node and
- * palp_dynamic_cost_adapt. */
+ * search (40 + 60 tools) skin + 8 spots (260 + spots), and per step 210 per evaluation due, 45 per
+ * active node, 24 per source of an interface node, 120 spots; then 30 per active node (energy,
+ * report) and palp_dynamic_cost_adapt. */
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
 
-/* Operations of measures and changes: 12 nodes + 8 families + 4 changes families + 24 looks, and
+/* Operations of measures and changes: 12 nodes + 8 families + 8 changes families + 24 looks, and
  * once the lists, 40 nodes + 12 tets + 20 skin + 24 means. */
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 

@@ -92,17 +92,10 @@ static void keep(palp_impose *p, const palp_imposed *s) {
     if (s->depth_m > p->spot[shallowest].depth_m) p->spot[shallowest] = *s;
 }
 
-static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
-    const palp_tool *t = &p->tools[tool];
-    float away = palp_norm(palp_sub(x, p->to_m[tool])) - p->reach_m[tool];
-    float size = palp_tool_size(t);
-    if (away > HOLD * size + path_m) return;
-    if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
-    float speed = palp_norm(palp_skin_velocity(p->dyna, skin));
-    float margin = MARGIN * size + path_m + p->dyna->config.tick_s * speed;
-    if (away > margin) return;
+/* One of PALP_IMPOSE_LOOKS max_spots. */
+static void look_closely(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float margin) {
     palp_imposed s = {.skin = skin, .tool = tool, .n = palp_skin_normal(p->dyna, skin)};
-    palp_touch at = palp_tool_at(t, p->to_m[tool], x, s.n);
+    palp_touch at = palp_tool_at(&p->tools[tool], p->to_m[tool], x, s.n);
     bool before = (p->pressed[skin] >> tool & 1u) != 0u;
     if (at.reach > 1.0f || at.depth_m < -2.0f * margin) return;
     if (at.facing < (before ? 0.0f : FACING)) return;
@@ -111,10 +104,26 @@ static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, f
     if (s.per_w2 > 0.0f) keep(p, &s);
 }
 
+static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
+    float away = palp_norm(palp_sub(x, p->to_m[tool])) - p->reach_m[tool];
+    float size = palp_tool_size(&p->tools[tool]);
+    if (away > HOLD * size + path_m) return;
+    if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
+    float margin = MARGIN * size + path_m + PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
+    if (away > margin) return;
+    if (p->looks == 0u) {
+        p->overflow++;
+        return;
+    }
+    p->looks--;
+    look_closely(p, skin, tool, x, margin);
+}
+
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
     palp_impose *p = impose;
     float path_m[PALP_MAX_TOOLS] = {0.0f};
     p->count = 0;
+    p->looks = PALP_IMPOSE_LOOKS * p->max_spots;
     for (uint32_t t = 0; t < p->tool_count; t++) {
         p->from_m[t] = p->to_m[t];
         palp_vec3 path = palp_sub(to_m[t], p->from_m[t]);

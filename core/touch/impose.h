@@ -21,6 +21,7 @@
 #include "core/touch/tool.h"
 
 #define PALP_IMPOSE_SPEED 2.0f /* m/s */
+#define PALP_IMPOSE_LOOKS 8u   /* close looks per tick, times max_spots */
 
 typedef struct {
     uint32_t skin, tool;
@@ -42,6 +43,7 @@ typedef struct {
     float reach_m[PALP_MAX_TOOLS];
     palp_vec3 from_m[PALP_MAX_TOOLS], to_m[PALP_MAX_TOOLS];
     palp_vec3 impulse_Ns[PALP_MAX_TOOLS]; /* on the tools, in this tick */
+    uint32_t looks;                       /* close looks left in this tick */
     uint32_t inside;                      /* spots that were moved in the last step */
     uint64_t overflow;                    /* vertices that found no spot, so far */
 } palp_impose;
@@ -54,8 +56,9 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
                              const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
                              uint32_t max_spots, void *memory, size_t bytes);
 
-/* Tools are to be at to_m[tool_count] at the end of this tick. Cost: 20 per skin vertex and tool,
- * 250 per spot. */
+/* Tools are to be at to_m[tool_count] at the end of this tick. Vertices near a tool beyond the
+ * close looks there are, or the spots, are counted in overflow. Cost: 40 per skin vertex, 60 more
+ * per tool, 260 + max_spots per close look. */
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m);
 
 /* After palp_dyna_move in step s of `steps`. Cost: 100 per spot, and the tool's. */

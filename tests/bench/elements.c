@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define TICKS 400
+#define CLAIMED 1 /* of the materials: must be in time */
 #define COPIES 64 /* of the elements, so that reading them does not find them in a cache */
 
 static double read_all(const palp_tets *t, double *sum) {
@@ -23,14 +24,21 @@ static double read_all(const palp_tets *t, double *sum) {
     return seconds / COPIES / t->meta->tets * 1e9;
 }
 
+static int ascending(const void *a, const void *b) {
+    double p = *(const double *)a, q = *(const double *)b;
+    return (p > q) - (p < q);
+}
+
+/* The median. */
 static double tick_us(palp_dyna *d) {
-    double best = HUGE_VAL;
+    static double us[TICKS];
     for (int k = 0; k < TICKS; k++) {
         double start = now_s();
         palp_dyna_tick(d, PALP_STEP_CLASSES - 1);
-        best = fmin(best, now_s() - start);
+        us[k] = (now_s() - start) * 1e6;
     }
-    return best * 1e6;
+    qsort(us, TICKS, sizeof *us, ascending);
+    return us[TICKS / 2];
 }
 
 int main(int argc, char **argv) {
@@ -54,7 +62,7 @@ int main(int argc, char **argv) {
                " evaluations, %.0f us, %.1f "
                "ns per evaluation with everything\n",
                young[k], palp_dyna_steps(d, PALP_STEP_CLASSES - 1), work, us, us * 1e3 / work);
-        fits = fits || us < 1000;
+        if (k == CLAIMED) fits = us < 1000;
     }
     (void)argc;
     (void)argv;

@@ -11,7 +11,7 @@ ok $? "it pushes back with $(cat felt.txt)"
 "$palp" reproduce --dynamic "$here/blobs/liver.model" -o rep > rep.txt 2>/dev/null
 ok $? "palp reproduce --dynamic"
 sed 's/^/# /' rep.txt
-awk -F, 'NR > 1 && ($1 == "Green" || $1 == "engine") && $6 > 0.1 {bad = 1} END {exit bad}' rep/oscillations.csv
+awk -F, '($1 == "Green" || $1 == "engine") && $6 < 0.1 {good++} END {exit good != 2}' rep/oscillations.csv
 ok $? "Green's strain: frequencies at 27, 59 and 145 nodes agree within 10 %"
 [ "$(ls rep/*.csv | wc -l)" -ge 6 ] && [ "$(grep -c '<svg' rep/index.html)" -ge 5 ]
 ok $? "figures 4 to 6 and the speed-up table are written"

@@ -148,6 +148,7 @@ static void check_violence(double lambda, double mu, int ticks) {
     uint64_t seed = 11, steps = 0;
     uint32_t beyond = 0, capped = 0, coasted = 0, short_ticks = 0, collapsed = 0, calmed = 0;
     double far = 0, largest = 0;
+    uint64_t evaluations = 0, moves = 0, followed = 0;
     late_ns = 0;
     for (int k = 0; k < ticks; k++) {
         palp_dynamic_report r;
@@ -164,7 +165,15 @@ static void check_violence(double lambda, double mu, int ticks) {
         late_ns = k % 97 == 0 ? 750000 : 0;
         float ns = p->body.config.cost.ns_per_operation;
         palp_dynamic_tick(&p->body, 0, &at, &force, &r);
-        beyond += !r.coasted && r.bound * ns > 800001.0f - (float)late_ns;
+        /* by the counters of what was done, at the prices of dynamic.h */
+        const palp_dyna *d = &p->body.dyna;
+        double done = 210 * (double)(d->evaluations - evaluations) +
+                      45 * (double)(d->moves - moves) + 24 * 4 * (double)(d->followed - followed);
+        evaluations = d->evaluations;
+        moves = d->moves;
+        followed = d->followed;
+        beyond += r.bound * ns > 800001.0f - (float)late_ns ||
+                  done * (double)ns > 800001 - (double)late_ns;
         capped += r.adapt.refused > 0;
         coasted += r.coasted;
         short_ticks += r.shortened;
