@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "stuffing.h"
+#include "tetsmooth.h"
 #include "util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -10,18 +11,13 @@
  * onto it: thresholds of the paper for safe angles. */
 #define NEAR_LONG 0.24999
 #define NEAR_SHORT 0.41189
-#define SWEEPS 12 /* of smoothing */
-#define SAFE_LOW                                                                                   \
-    18.0 /* dihedral angles (degrees) inside which smoothing may change them freely                \
-          */
-#define SAFE_HIGH 150.0
 #define CLOSE_ENOUGH 0.04 /* to the number of nodes asked for */
 #define MOST_POINTS 2e7   /* of a lattice */
 #define NOWHERE UINT32_MAX
 
 /*
- * Lattice points in doubled coordinates: (i, j, k) all even or all odd. Cells of the array hold one
- * of each kind: index = 2 * (cell) + odd.
+ * Lattice points in doubled coordinates: (i, j, k) all even or all odd. Cells of the array hold
+ * one of each kind: index = 2 * (cell) + odd.
  */
 typedef struct {
     const mesh *surface;
@@ -389,44 +385,15 @@ static uint32_t root_of(uint32_t *parent, uint32_t i) {
     return i;
 }
 
-typedef struct {
-    uint32_t key[3], tet;
-} side;
-
-static int by_side(const void *a, const void *b) {
-    const side *p = a, *q = b;
-    for (int k = 0; k < 3; k++) {
-        if (p->key[k] != q->key[k]) return p->key[k] < q->key[k] ? -1 : 1;
-    }
-    return (p->tet > q->tet) - (p->tet < q->tet);
-}
-
 /* Keeps the tetrahedra that hang together by faces with the largest volume; returns what share of
  * the volume went. */
 static double keep_largest(tetmesh *m) {
     uint32_t *parent = allocate((size_t)m->tets + 1, sizeof *parent);
-    side *s = allocate(4 * (size_t)m->tets + 1, sizeof *s);
     for (uint32_t i = 0; i < m->tets; i++) parent[i] = i;
-    for (uint32_t i = 0; i < 4 * m->tets; i++) {
-        uint32_t t[4], n = 0;
-        memcpy(t, m->t[i / 4], sizeof t);
-        for (uint32_t k = 0; k < 4; k++) {
-            if (k != i % 4) s[i].key[n++] = t[k];
-        }
-        for (int p = 0; p < 2; p++) {
-            for (int k = 0; k < 2; k++) {
-                if (s[i].key[k] <= s[i].key[k + 1]) continue;
-                uint32_t swap = s[i].key[k];
-                s[i].key[k] = s[i].key[k + 1];
-                s[i].key[k + 1] = swap;
-            }
-        }
-        s[i].tet = i / 4;
-    }
-    qsort(s, 4 * (size_t)m->tets, sizeof *s, by_side);
+    tet_face *f = tetmesh_faces(m);
     for (uint32_t i = 1; i < 4 * m->tets; i++) {
-        if (memcmp(s[i].key, s[i - 1].key, sizeof s[i].key) == 0)
-            parent[root_of(parent, s[i].tet)] = root_of(parent, s[i - 1].tet);
+        if (tet_face_same(&f[i], &f[i - 1]))
+            parent[root_of(parent, f[i].tet)] = root_of(parent, f[i - 1].tet);
     }
     double *volume = allocate((size_t)m->tets + 1, sizeof *volume), whole = 0;
     uint32_t best = 0;
@@ -442,7 +409,7 @@ static double keep_largest(tetmesh *m) {
     }
     m->tets = kept;
     free(volume);
-    free(s);
+    free(f);
     free(parent);
     return dropped;
 }
@@ -464,82 +431,6 @@ static void number_anew(tetmesh *m) {
     free(place);
     m->x = x;
     m->nodes = next;
-}
-
-/* ---- smoothing ---- */
-
-/* Worst of a node's tetrahedra: how far its angles leave the safe range, and its shape. */
-typedef struct {
-    double low, high, shape;
-} star;
-
-static star star_of(const tetmesh *m, const uint32_t *tet, uint32_t count) {
-    star s = {180, 0, HUGE_VAL};
-    for (uint32_t i = 0; i < count; i++) {
-        double x[4][3], low, high, sum = 0, volume = tet_volume(m, tet[i]);
-        for (int k = 0; k < 4; k++) memcpy(x[k], m->x[m->t[tet[i]][k]], sizeof x[k]);
-        for (int k = 0; k < 4; k++) {
-            for (int j = 0; j < k; j++) sum += v_distance(x[k], x[j]) * v_distance(x[k], x[j]);
-        }
-        if (volume > 0) {
-            tet_dihedral_deg(x, &low, &high);
-            s.low = fmin(s.low, low);
-            s.high = fmax(s.high, high);
-        } else {
-            s.low = 0;
-            s.high = 180;
-        }
-        s.shape = fmin(s.shape, volume / pow(sum, 1.5));
-    }
-    return s;
-}
-
-static bool allowed(star old, star new, bool must_improve) {
-    if (new.low < fmin(old.low, SAFE_LOW) || new.high > fmax(old.high, SAFE_HIGH)) return false;
-    return !must_improve || new.shape > old.shape;
-}
-
-/* Nodes inside go towards the middle of their neighbours where that helps the worst of their
- * tetrahedra; those of the boundary as well, along the surface, onto which they are put. */
-static void smooth(tetmesh *m, const bvh *on) {
-    uint32_t *offset, *list, count;
-    tetmesh_around(m, &offset, &list);
-    uint32_t(*face)[3] = tetmesh_boundary(m, &count);
-    bool *outer = allocate((size_t)m->nodes + 1, sizeof *outer);
-    for (uint32_t i = 0; i < 3 * count; i++) outer[face[i / 3][i % 3]] = true;
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        for (uint32_t i = 0; i < m->nodes; i++) {
-            const uint32_t *tet = list + offset[i];
-            uint32_t tets = offset[i + 1] - offset[i];
-            double old[3], middle[3] = {0, 0, 0}, weight = 0;
-            memcpy(old, m->x[i], sizeof old);
-            for (uint32_t t = 0; t < tets; t++) {
-                for (int k = 0; k < 4; k++) {
-                    uint32_t n = m->t[tet[t]][k];
-                    if (n == i || (outer[i] && !outer[n])) continue;
-                    for (int a = 0; a < 3; a++) middle[a] += m->x[n][a];
-                    weight++;
-                }
-            }
-            star before = star_of(m, tet, tets);
-            for (int half = 0; half < 3 && weight > 0; half++) {
-                double goal[3], share = half == 0 ? 0.7 : half == 1 ? 0.3 : 0.0;
-                if (half == 2 && !outer[i]) break;
-                for (int a = 0; a < 3; a++)
-                    goal[a] = old[a] + share * (middle[a] / weight - old[a]);
-                if (outer[i])
-                    (void)bvh_closest(on, goal, NULL, 0, m->x[i], NULL);
-                else
-                    memcpy(m->x[i], goal, sizeof goal);
-                if (allowed(before, star_of(m, tet, tets), half < 2)) break;
-                memcpy(m->x[i], old, sizeof old);
-            }
-        }
-    }
-    free(outer);
-    free(face);
-    free(offset);
-    free(list);
 }
 
 /* ---- all together ---- */
@@ -580,7 +471,7 @@ tetmesh stuff(const mesh *surface, const bvh *on, double pitch, const double pha
     free(l.cut);
     *dropped = keep_largest(&l.m);
     number_anew(&l.m);
-    if (l.m.tets > 0) smooth(&l.m, on);
+    if (l.m.tets > 0) tetmesh_smooth(&l.m, on);
     return l.m;
 }
 

@@ -90,16 +90,35 @@ void tet_dihedral_deg(double x[4][3], double *low, double *high) {
     }
 }
 
-typedef struct {
-    uint32_t key[3], corner[3];
-} face;
-
 static int by_key(const void *a, const void *b) {
-    const face *p = a, *q = b;
+    const tet_face *p = a, *q = b;
     for (int k = 0; k < 3; k++) {
         if (p->key[k] != q->key[k]) return p->key[k] < q->key[k] ? -1 : 1;
     }
-    return 0;
+    return (p->tet > q->tet) - (p->tet < q->tet);
+}
+
+bool tet_face_same(const tet_face *a, const tet_face *b) {
+    return memcmp(a->key, b->key, sizeof a->key) == 0;
+}
+
+tet_face *tetmesh_faces(const tetmesh *m) {
+    size_t faces = 4 * (size_t)m->tets;
+    tet_face *f = allocate(faces + 1, sizeof *f);
+    for (size_t i = 0; i < faces; i++) {
+        f[i].tet = (uint32_t)(i / 4);
+        for (int k = 0; k < 3; k++) f[i].key[k] = f[i].corner[k] = m->t[i / 4][face_of[i % 4][k]];
+        for (int p = 0; p < 2; p++) {
+            for (int k = 0; k < 2; k++) {
+                if (f[i].key[k] <= f[i].key[k + 1]) continue;
+                uint32_t swap = f[i].key[k];
+                f[i].key[k] = f[i].key[k + 1];
+                f[i].key[k + 1] = swap;
+            }
+        }
+    }
+    qsort(f, faces, sizeof *f, by_key);
+    return f;
 }
 
 static int by_corner(const void *a, const void *b) {
@@ -108,25 +127,12 @@ static int by_corner(const void *a, const void *b) {
 
 uint32_t (*tetmesh_boundary(const tetmesh *m, uint32_t *count))[3] {
     size_t faces = 4 * (size_t)m->tets;
-    face *f = allocate(faces + 1, sizeof *f);
-    for (size_t i = 0; i < faces; i++) {
-        for (int k = 0; k < 3; k++) f[i].key[k] = f[i].corner[k] = m->t[i / 4][face_of[i % 4][k]];
-        for (int p = 0; p < 2; p++) {
-            for (int k = 0; k < 2; k++) {
-                if (f[i].key[k] > f[i].key[k + 1]) {
-                    uint32_t swap = f[i].key[k];
-                    f[i].key[k] = f[i].key[k + 1];
-                    f[i].key[k + 1] = swap;
-                }
-            }
-        }
-    }
-    qsort(f, faces, sizeof *f, by_key);
+    tet_face *f = tetmesh_faces(m);
     uint32_t(*out)[3] = allocate(faces + 1, sizeof *out);
     *count = 0;
     for (size_t i = 0; i < faces; i++) {
-        bool twin = (i > 0 && by_key(&f[i], &f[i - 1]) == 0) ||
-                    (i + 1 < faces && by_key(&f[i], &f[i + 1]) == 0);
+        bool twin = (i > 0 && tet_face_same(&f[i], &f[i - 1])) ||
+                    (i + 1 < faces && tet_face_same(&f[i], &f[i + 1]));
         if (!twin) memcpy(out[(*count)++], f[i].corner, sizeof *out);
     }
     qsort(out, *count, sizeof *out, by_corner);

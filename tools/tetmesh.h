@@ -25,6 +25,14 @@ void tet_gradients(const tetmesh *m, uint32_t tet, double b[3][3]);
 /* Smallest and largest of the six dihedral angles, in degrees. */
 void tet_dihedral_deg(double x[4][3], double *low, double *high);
 
+/* A face of a tetrahedron: its corners outward, and ascending. */
+typedef struct {
+    uint32_t key[3], corner[3], tet;
+} tet_face;
+bool tet_face_same(const tet_face *a, const tet_face *b);
+/* All 4 tets of them, the same ones side by side. To be freed. */
+tet_face *tetmesh_faces(const tetmesh *m);
+
 /* Faces of one tetrahedron only, outward, in the order of tetrahedra; as a mesh that shares its
  * vertices' numbers with m->x. To be freed; *count triangles. */
 uint32_t (*tetmesh_boundary(const tetmesh *m, uint32_t *count))[3];

@@ -33,7 +33,8 @@
  * is stable for any step, since the stiffness of the mesh is at most theta times its block
  * diagonal (theta is at most 4 for tetrahedra; bake estimates it by iteration). It leaves rigid
  * motion alone, while filtering the velocity itself, as the paper writes it, brakes it; and it does
- * not change when the body turns, as the paper's fixed 3x3 matrix would.
+ * not change when the body turns, as the paper's fixed 3x3 matrix would. Where elements are torn
+ * about, so that the raised mass grows by factors, the momentum stays and the velocity falls.
  */
 #ifndef PALP_DYNA_DYNA_H
 #define PALP_DYNA_DYNA_H
@@ -70,7 +71,7 @@ typedef struct {
     uint8_t *borders;       /* corners of elements at work */
     uint8_t *duty;          /* 1 + step class of nodes that are moved by forces, else 0 */
     uint8_t *split;         /* [families] */
-    uint32_t *cost;         /* [families] evaluations per tick that splitting adds at most */
+    uint32_t *cost;         /* [families] evaluations per tick that splitting adds, about */
     uint8_t *family_class;  /* [families] finest step among their elements */
     uint8_t *element_class; /* [tets] of those at work, else PALP_STEP_CLASSES */
     uint8_t *skin_level;    /* [skin] level on which each vertex hangs */
