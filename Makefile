@@ -100,7 +100,7 @@ demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a ne
 demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscillating: build/dyna/report.html
 	@mkdir -p $(BUILD)/dyna
 	$(BUILD)/palp bake blobs/liver.model -o $(BUILD)/dyna/liver.palp
-	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --ns-per-operation 0.25 --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
+	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
 	@echo "Look at $(BUILD)/dyna/report.html; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
 
 # ---- tests ----

@@ -44,7 +44,7 @@ typedef struct {
     lively_tick *tick;
     film film;
     double jump_m, step_m,
-        fade_m; /* of the surface: largest difference that a change of level left
+        fade_m; /* of the surface: largest difference that a change left
                    to fade; largest motion, and beyond it, of a vertex in a tick */
 } player;
 
@@ -180,7 +180,7 @@ static void run(player *p) {
             double ball[3];
             scene_at(&p->s.track[SCENE_PROBE], k->t_s, ball);
             const float b[3] = {(float)ball[0], (float)ball[1], (float)ball[2]};
-            film_add(&p->film, p->skin.place_m, p->skin.level, b);
+            film_add(&p->film, p->skin.place_m, p->body.dyna.skin_level, b);
         }
     }
     free(before);
@@ -266,10 +266,11 @@ static void summary(FILE *f, const player *p) {
             "in time by            larger steps in %zu ticks, the coarsest mesh in %zu; "
             "started too late %zu\n",
             shortened, collapsed, coasted);
-    fprintf(f,
-            "surface               changes of level leave at most %.2g m to fade; beyond its own "
-            "motion it moves %.2g m a tick at most, largest motion %.2g m\n",
-            p->jump_m, p->fade_m, p->step_m);
+    fprintf(
+        f,
+        "surface               changes of resolution leave at most %.2g m to fade; beyond its own "
+        "motion it moves %.2g m a tick at most, largest motion %.2g m\n",
+        p->jump_m, p->fade_m, p->step_m);
     if (lost > 0)
         fprintf(f, "motion lost           put back to rest in %zu ticks: not finite any more\n",
                 lost);

@@ -26,7 +26,7 @@ static const char help[] =
     "oscillates.\n"
     "Every tick is answered within a budget.\n"
     "  --budget-us B           share of each period for the tick (default: 80 %)\n"
-    "  --ns-per-operation N    cost table (default 0.5)\n"
+    "  --ns-per-operation N    cost table (default 0.5, of dynamic bodies 0.15)\n"
     "  --clock work|wall       work: by operations counted, the same everywhere (default);\n"
     "                          wall: this machine's clock\n"
     "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
@@ -474,16 +474,12 @@ static void check_options(play_spec *s, bool dynamic) {
         die(EXIT_USAGE, "--no-pairs is for multizone models; %s is a dynamic body", s->blob);
     if (!dynamic && s->finest >= PALP_SEAM_LEVELS)
         die(EXIT_USAGE, "--finest: seams have the levels 0 to %u", PALP_SEAM_LEVELS - 1);
+    if (!(s->ns_per_operation > 0)) s->ns_per_operation = dynamic ? 0.15 : 0.5;
     s->most_class = s->finest_given ? s->finest : PALP_STEP_CLASSES - 1;
 }
 
 int command_play(int argc, char **argv) {
-    play_spec s = {.ns_per_operation = 0.5,
-                   .finest = 4,
-                   .young_Pa = -1,
-                   .poisson = -1,
-                   .damping_s = -1,
-                   .drag_per_s = -1};
+    play_spec s = {.finest = 4, .young_Pa = -1, .poisson = -1, .damping_s = -1, .drag_per_s = -1};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
     if (s.scene == NULL) die(EXIT_USAGE, "no scene: add --scene FILE");

@@ -8,6 +8,7 @@
 
 #define SPREAD 2.0 /* most of the sum of absolute weights in a container */
 #define REACH 2.0  /* and in a mean of children, before a family takes in a neighbour */
+#define FEW 10     /* children that stand for a parent */
 #define NONE UINT32_MAX
 
 /* ---- places ---- */
@@ -137,6 +138,10 @@ typedef struct {
     uint32_t *nearest; /* parent of each child */
     uint32_t *list, count;
     double *weight;
+    struct relative {
+        double away;
+        uint32_t node;
+    } * relative;
 } kinship;
 
 static uint32_t root_of(const kinship *k, uint32_t i) {
@@ -167,11 +172,27 @@ static bool take_in(kinship *k, uint32_t p) {
     return true;
 }
 
-/* Whether the family of p stands for it. */
+static int by_distance(const void *a, const void *b) {
+    const struct relative *p = a, *q = b;
+    if (p->away < q->away || p->away > q->away) return p->away < q->away ? -1 : 1;
+    return (p->node > q->node) - (p->node < q->node);
+}
+
+/* Whether the family of p stands for it: if they can, the nearest FEW children, else all. */
 static bool stands(kinship *k, uint32_t p) {
+    const double *x = k->coarse->x[p];
     list_children(k, root_of(k, p));
-    return k->count >= 4 &&
-           affine_weights(k->fine, k->list, k->count, k->coarse->x[p], k->scale, k->weight);
+    for (uint32_t i = 0; i < k->count; i++)
+        k->relative[i] = (struct relative){v_distance(k->fine->x[k->list[i]], x), k->list[i]};
+    qsort(k->relative, k->count, sizeof *k->relative, by_distance);
+    for (uint32_t i = 0; i < k->count; i++) k->list[i] = k->relative[i].node;
+    uint32_t all = k->count;
+    k->count = all < FEW ? all : FEW;
+    for (; k->count >= 4; k->count = all) {
+        if (affine_weights(k->fine, k->list, k->count, x, k->scale, k->weight)) return true;
+        if (k->count == all) break;
+    }
+    return false;
 }
 
 /* A family that grows is looked at again. */
@@ -212,6 +233,7 @@ tet_families tet_families_build(const tetmesh *coarse, const tetmesh *fine) {
             }
         }
     }
+    k.relative = allocate((size_t)fine->nodes + 1, sizeof *k.relative);
     settle(&k);
     tet_families f = {.families = 0};
     uint32_t *number = allocate((size_t)coarse->nodes + 1, sizeof *number);
@@ -237,7 +259,7 @@ tet_families tet_families_build(const tetmesh *coarse, const tetmesh *fine) {
         memcpy(f.mean_weight + at, k.weight, k.count * sizeof *f.mean_weight);
         f.mean_offset[p + 1] = at + k.count;
     }
-    void *owned[] = {number, k.root, k.nearest, k.list, k.weight};
+    void *owned[] = {number, k.root, k.nearest, k.list, k.weight, k.relative};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return f;
 }

@@ -82,6 +82,7 @@ typedef struct {
     uint32_t top_class;                           /* of the nodes at work */
     uint32_t follow_terms;                        /* sources of all interface nodes on the lists */
     uint64_t evaluations, moves, followed; /* done so far: elements, nodes, interface nodes */
+    uint64_t lists;                        /* made so far */
     float stored_J;                        /* in the elements, at the first step of the tick */
 } palp_dyna;
 

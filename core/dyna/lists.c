@@ -129,6 +129,7 @@ void palp_dyna_relist(palp_dyna *dyna) {
     for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++) dyna->borders[i] = dyna->needed[i];
     hang_skin(dyna);
     need_for_splits(dyna);
+    dyna->lists++;
     list_interface(dyna);
     palp_dyna_levers(dyna);
     set_duties(dyna);

@@ -50,7 +50,6 @@ palp_vec3 palp_skin_normal(const palp_dyna *dyna, uint32_t i) {
 static void lay_out(palp_skin *s, const palp_tets *t, palp_arena *a) {
     s->place_m = palp_take(a, 3u * (size_t)t->meta->skin, sizeof(float));
     s->off_m = palp_take(a, 3u * (size_t)t->meta->skin, sizeof(float));
-    s->level = palp_take(a, t->meta->skin, 1);
 }
 
 size_t palp_skin_memsize(const palp_tets *tets) {
@@ -70,30 +69,30 @@ palp_status palp_skin_init(palp_skin *skin, const palp_dyna *dyna, void *memory,
     palp_arena a = {memory, 0};
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (memory == NULL || palp_skin_memsize(dyna->tets) > bytes) return PALP_ERR_MEMORY;
-    *skin = (palp_skin){.dyna = dyna};
+    *skin = (palp_skin){.dyna = dyna, .lists = dyna->lists};
     lay_out(skin, dyna->tets, &a);
     for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) {
         put(skin->place_m + 3u * (size_t)i, palp_skin_place(dyna, i));
         put(skin->off_m + 3u * (size_t)i, (palp_vec3){0.0f, 0.0f, 0.0f});
-        skin->level[i] = dyna->skin_level[i];
     }
     return PALP_OK;
 }
 
 void palp_skin_update(palp_skin *skin, float dt_s) {
     float stay = palp_max(1.0f - dt_s / PALP_SKIN_FADE_S, 0.0f);
+    bool changed = skin->lists != skin->dyna->lists;
+    skin->lists = skin->dyna->lists;
     skin->jump_m = 0.0f;
     for (uint32_t i = 0; i < skin->dyna->tets->meta->skin; i++) {
         float *place = skin->place_m + 3u * (size_t)i, *off = skin->off_m + 3u * (size_t)i;
         palp_vec3 goal = palp_skin_place(skin->dyna, i), rest = palp_vec3_at(off);
-        if (skin->level[i] != skin->dyna->skin_level[i]) { /* as if it had gone on as it was */
+        if (changed) { /* as if it had gone on as it was */
             palp_vec3 gone = palp_scale(dt_s, palp_skin_velocity(skin->dyna, i));
-            rest = palp_sub(palp_add(palp_vec3_at(place), gone), goal);
-            skin->level[i] = skin->dyna->skin_level[i];
-            skin->jump_m = palp_max(skin->jump_m, palp_norm(rest));
-        } else {
-            rest = palp_scale(stay, rest);
+            palp_vec3 left = palp_sub(palp_add(palp_vec3_at(place), gone), goal);
+            skin->jump_m = palp_max(skin->jump_m, palp_norm(palp_sub(left, rest)));
+            rest = left;
         }
+        rest = palp_scale(stay, rest);
         put(off, rest);
         put(place, palp_add(goal, rest));
     }

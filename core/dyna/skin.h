@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * The surface that is seen (AD 4.1): the boundary of the finest mesh, each vertex hanging in a
- * tetrahedron of the level that is active around it. When that level changes the vertex stays where
- * it is; the difference to where it should be fades exponentially, to 37 % in PALP_SKIN_FADE_S, so
- * nothing pops.
+ * tetrahedron of the level that is active around it. When families split or merge each vertex goes
+ * on from where it is; the difference to where it should be fades exponentially, to 37 % in
+ * PALP_SKIN_FADE_S, so nothing pops.
  */
 #ifndef PALP_DYNA_SKIN_H
 #define PALP_DYNA_SKIN_H
@@ -22,8 +22,9 @@ typedef struct {
     const palp_dyna *dyna;
     float *place_m; /* [skin][3] shown */
     float *off_m;   /* [skin][3] still to fade */
-    uint8_t *level; /* [skin] */
-    float jump_m;   /* largest difference that a change of level left to fade in the last update */
+    uint64_t lists; /* of the body, when it was last looked at */
+    float
+        jump_m; /* largest difference that a change of resolution left to fade in the last update */
 } palp_skin;
 
 size_t palp_skin_memsize(const palp_tets *tets);

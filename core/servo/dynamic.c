@@ -118,13 +118,18 @@ float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class) {
            NODE_TICK * (float)b->active_count + palp_dynamic_cost_adapt(dynamic);
 }
 
+/* All means, and lists. */
+static float cost_collapse(const palp_tets *t) {
+    return cost_lists(t) + SOURCE * (float)t->mean_offset[t->meta->nodes];
+}
+
 float palp_dynamic_cost_least(const palp_dynamic *dynamic) {
     const palp_tets_meta *m = dynamic->config.tets->meta;
     float nodes = (float)m->first_node[1];
     float tets = (float)((m->first_tet[1] + PALP_LANES - 1u) / PALP_LANES * PALP_LANES);
+    float after = palp_max(palp_dynamic_cost_adapt(dynamic), cost_collapse(dynamic->config.tets));
     return cost_search(dynamic) + EVALUATION * tets + (NODE_STEP + NODE_TICK) * nodes +
-           SPOT_STEP * (float)dynamic->config.max_spots + SOURCE * 4.0f * (float)m->nodes +
-           palp_dynamic_cost_adapt(dynamic) + 2.0f * cost_lists(dynamic->config.tets);
+           SPOT_STEP * (float)dynamic->config.max_spots + SOURCE * 4.0f * (float)m->nodes + after;
 }
 
 /* ---- the tick ---- */
@@ -144,7 +149,7 @@ static bool choose(palp_dynamic *d, float ops, uint32_t *most_class, palp_dynami
         if (*most_class == 0u) {
             if (palp_dynamic_cost_least(d) > ops) return false;
             palp_dyna_collapse(&d->dyna);
-            d->work += (uint64_t)(2.0f * cost_lists(d->config.tets));
+            d->work += (uint64_t)cost_collapse(d->config.tets);
             r->collapsed = true;
             d->changed = true;
             break;
@@ -218,14 +223,15 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
     uint32_t most_class;
     *report = (palp_dynamic_report){.steps = 0};
     if (choose(d, budget_ops(d, left_ns(d, start_ns)), &most_class, report)) {
-        report->bound = palp_dynamic_cost_tick(d, most_class) +
-                        (report->collapsed ? 2.0f * cost_lists(d->config.tets) : 0.0f);
+        report->bound = palp_dynamic_cost_tick(d, most_class);
+        if (report->collapsed)
+            report->bound += cost_collapse(d->config.tets) - palp_dynamic_cost_adapt(d);
         run(d, most_class, tool_m, report);
         report->calmed = palp_energy_watch(&d->energy, &d->dyna,
                                            work_of_tools(&d->impose, d->force_N), d->changed);
         d->changed = false;
         if (!palp_is_finite(d->energy.total_J)) begin_again(d, report);
-        if (!d->config.uniform) {
+        if (!d->config.uniform && !report->collapsed) {
             report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;
             d->work += (uint64_t)(palp_dynamic_cost_adapt(d) -

@@ -78,7 +78,7 @@ float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
  * once the lists, 40 nodes + 12 tets + 20 skin + 24 means. */
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 
-/* The same of the coarsest mesh with one step, collapse included: what always has to fit. */
+/* The coarsest mesh with one step, and adaptivity or the collapse to it: what always has to fit. */
 float palp_dynamic_cost_least(const palp_dynamic *dynamic);
 
 /* A tick that began at start_ns on the port's clock, tools at tool_m[tool_count] at its end; force

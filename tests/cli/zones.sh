@@ -154,6 +154,6 @@ scene "no joint named 'x'" 'pose 0 x 0\n' "a scene with an unknown joint"
 scene "out of its range" 'pose 0 ab 3\n' "a scene that leaves a joint's range"
 scene "not behind the one before" 'pose 1 ab 0\npose 1 ab 0.1\n' "times that do not ascend"
 scene "need a 'cylinder' line" 'object 0 0 0 0\n' "an object without a shape"
-refuses 1 "not a multizone model" "playing one body" $palp play one.palp --scene ok.scene
+refuses 1 "neither a multizone model nor a dynamic body" "playing one body" $palp play one.palp --scene ok.scene
 refuses 1 "the least answer may take" "a budget that nothing fits" $palp play chain.palp --scene ok.scene --budget-us 5 -o out.csv
 done_testing

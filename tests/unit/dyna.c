@@ -449,7 +449,6 @@ static void check_adapt(void) {
     uint32_t splits = 0, merges = 0, most = 0, cap = 6000, refused = 0, at_most = 0;
     double jump = 0, step = 0, fade = 0;
     uint32_t torn = 0;
-    uint8_t *level = allocate(b.tets.meta->skin, 1);
     float *before = allocate(3 * b.tets.meta->skin, sizeof *before);
     for (int k = 0; k < 4500; k++) {
         if (k < 100) { /* the end is thrown */
@@ -460,14 +459,14 @@ static void check_adapt(void) {
         }
         palp_dyna_tick(d, 7);
         memcpy(before, skin.place_m, 3 * b.tets.meta->skin * sizeof *before);
-        memcpy(level, skin.level, b.tets.meta->skin);
+        bool renewed = skin.lists != d->lists;
         palp_skin_update(&skin, 1e-3f);
         for (uint32_t i = 0; i < b.tets.meta->skin; i++) {
             double moved = (double)palp_norm(
                 palp_sub(palp_vec3_at(skin.place_m + 3 * i), palp_vec3_at(before + 3 * i)));
             double speed = 1e-3 * (double)palp_norm(palp_skin_velocity(d, i));
             step = fmax(step, speed);
-            if (level[i] != skin.level[i]) jump = fmax(jump, moved - speed);
+            if (renewed) jump = fmax(jump, moved - speed);
             fade = fmax(fade, moved - speed);
         }
         const palp_adapt_room room = {(float)cap - (float)palp_dyna_work(d, 7), 1, 0};
@@ -487,15 +486,14 @@ static void check_adapt(void) {
     CHECK(most <= cap + cap / 4 && refused > 0,
           "about the cap: %u of %u evaluations at most, %u refused", most, cap, refused);
     CHECK(torn == 0, "every parent of a split family is split");
-    AT_MOST(fmax(jump, 0) / step, 0.01,
-            "no popping: surface at a change of level beyond its motion, of the largest motion");
+    AT_MOST(fmax(jump, 0) / step, 0.2,
+            "no popping: surface when families change, beyond its motion, of the largest motion");
     AT_MOST(fade / step, 1, "and while the difference fades");
     double off = 0;
     for (uint32_t i = 0; i < d->active_count; i++)
         off = fmax(off, (double)palp_norm(palp_vec3_at(d->u_m + 3 * d->active[i])));
     AT_MOST(off, 1e-3, "at rest again, on the coarsest mesh (m)");
     free(before);
-    free(level);
 }
 
 int main(void) {
