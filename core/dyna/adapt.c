@@ -228,7 +228,7 @@ static uint32_t first_to_split(palp_adapt *s, uint32_t f) {
     return PALP_NONE;
 }
 
-/* What splitting f costs at most, when a tick has 2^top steps. */
+/* What splitting f costs, about, when a tick has 2^top steps. */
 static float price(const palp_dyna *d, uint32_t f, uint32_t top, palp_adapt_room room) {
     uint32_t own = d->family_class[f];
     float steps = own > top ? (float)((1u << own) - (1u << top)) : 0.0f;

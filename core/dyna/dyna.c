@@ -298,12 +298,3 @@ float palp_dyna_kinetic_J(const palp_dyna *dyna) {
     }
     return sum;
 }
-
-palp_vec3 palp_dyna_momentum(const palp_dyna *dyna) {
-    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
-    for (uint32_t i = 0; i < dyna->active_count; i++) {
-        uint32_t n = dyna->active[i];
-        sum = palp_madd(sum, dyna->mass_kg[n], palp_vec3_at(dyna->v_m_s + 3u * (size_t)n));
-    }
-    return sum;
-}

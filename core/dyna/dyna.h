@@ -31,10 +31,11 @@
  * mass m is raised to theta/4 (dt^2 j + 2 dt c), with j and c the largest eigenvalues of its
  * Jacobian and its damping matrix, times how much its elements have stiffened by stretching. That
  * is stable for any step, since the stiffness of the mesh is at most theta times its block
- * diagonal (theta is at most 4 for tetrahedra; bake estimates it by iteration). It leaves rigid
- * motion alone, while filtering the velocity itself, as the paper writes it, brakes it; and it does
- * not change when the body turns, as the paper's fixed 3x3 matrix would. Where elements are torn
- * about, so that the raised mass grows by factors, the momentum stays and the velocity falls.
+ * diagonal (theta is at most 4 for tetrahedra; bake estimates it by iteration); at interfaces about
+ * so (interface.c). It leaves rigid motion alone, while filtering the velocity itself, as the paper
+ * writes it, brakes it; and it does not change when the body turns, as the paper's fixed 3x3 matrix
+ * would. Where elements are torn about, so that the raised mass grows by factors, the momentum
+ * stays and the velocity falls.
  */
 #ifndef PALP_DYNA_DYNA_H
 #define PALP_DYNA_DYNA_H
@@ -145,8 +146,7 @@ static inline bool palp_dyna_pinned(const palp_dyna *d, uint32_t node) {
     return (d->tets->node[node].flags & PALP_TET_PINNED) != 0u;
 }
 
-/* Kinetic energy of the active nodes, J, and their momentum, kg m/s. */
+/* Kinetic energy of the active nodes, J. */
 float palp_dyna_kinetic_J(const palp_dyna *dyna);
-palp_vec3 palp_dyna_momentum(const palp_dyna *dyna);
 
 #endif
