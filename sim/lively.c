@@ -131,11 +131,12 @@ static void open_body(player *p) {
         die(EXIT_WORK, "%s: %s (is the material sound?)", s->blob, palp_status_text(status));
     bytes = palp_skin_memsize(&p->tets);
     (void)palp_skin_init(&p->skin, &p->body.dyna, allocate_aligned(bytes, 1), bytes);
-    double reach = 0;
-    for (size_t i = 0; i < 3 * (size_t)p->tets.meta->nodes; i++)
-        reach = fmax(reach, fabs((double)p->tets.rest_m[i]));
+    float reach = 0.0f;
+    for (uint32_t i = 0; i < p->tets.meta->nodes; i++)
+        reach = palp_max(reach, palp_norm(palp_vec3_at(p->tets.rest_m + 3 * (size_t)i)));
     p->film = film_open(p->tets.meta->skin, p->tets.meta->skin_triangles, p->tets.skin_triangle,
-                        1 / FRAMES_HZ, 3 * reach, p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
+                        1 / FRAMES_HZ, 3 * (double)reach,
+                        p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
 }
 
 /* Largest displacement of the surface, and how it stepped. */

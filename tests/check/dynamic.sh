@@ -22,7 +22,8 @@ sed 's/^/# /' elements.txt
 ok $? "violence, $(sed -n 's/.*(\([0-9.e+]*\) steps).*/\1/p' long.txt | awk '{s += $1} END {printf "%.2g", s}') steps in all"
 sed 's/^/# /' long.txt
 if command -v valgrind >/dev/null; then
-    printf 'seconds 0.4\nrate 1000\nprobe 0.01\ntouch 0 -0.03 -0.01 0.05\ntouch 0.1 -0.03 -0.01 0.028\ntouch 0.3 -0.03 -0.01 0.028\ntouch 0.35 -0.03 -0.01 0.08\n' > short.scene
+    # a ball of a twentieth of the size against the far side, as deep, and away
+    printf 'seconds 0.6\nrate 1000\nprobe 0.0105\ntouch 0 -0.01459 -0.09886 -0.01026\ntouch 0.1 -0.01784 -0.05736 -0.00462\ntouch 0.25 -0.01865 -0.04699 -0.00322\ntouch 0.3 -0.01865 -0.04699 -0.00322\ntouch 0.32 -0.01377 -0.10923 -0.01167\n' > short.scene
     count() { # count NAME OPTIONS...: instructions of all ticks
         name=$1
         shift
