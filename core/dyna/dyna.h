@@ -12,7 +12,7 @@
  * it does to an interface node is handed back to those that the node follows. So all forces are the
  * gradient of one stored energy: at a given resolution energy and momenta are conserved across
  * interfaces as anywhere else. (The paper lets interface nodes follow and drops the forces on them;
- * that is exact for uniform strain, and may feed on itself: we saw it do so. The price here is
+ * that is exact for uniform strain, but no energy stands behind it. The price here is
  * that a uniformly strained body feels an interface slightly, as where elements of the two
  * levels overlap by more or less than their share.)
  *

@@ -2,33 +2,41 @@
 /* Interface nodes: where they are, and to whom the forces on them go. */
 #include "dyna.h"
 
-void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
-    const palp_tets *t = dyna->tets;
-    const uint32_t *corner = t->tet[t->container[node]].node;
-    const float *w = t->container_weight + 4u * (size_t)node;
+/* What a node follows: the corners of its container, or children of its family. */
+typedef struct {
+    const uint32_t *node;
+    const float *weight;
+    uint32_t count;
+} sources;
+
+static sources container_of(const palp_tets *t, uint32_t node) {
+    return (sources){t->tet[t->container[node]].node, t->container_weight + 4u * (size_t)node, 4};
+}
+
+static sources children_of(const palp_tets *t, uint32_t node) {
+    uint32_t first = t->mean_offset[node];
+    return (sources){t->mean + first, t->mean_weight + first, t->mean_offset[node + 1u] - first};
+}
+
+static void follow(palp_dyna *d, uint32_t node, sources s) {
     for (uint32_t a = 0; a < 3u; a++) {
         float u = 0.0f, v = 0.0f;
-        for (uint32_t c = 0; c < 4u; c++) {
-            u += w[c] * dyna->u_m[3u * (size_t)corner[c] + a];
-            v += w[c] * dyna->v_m_s[3u * (size_t)corner[c] + a];
+        for (uint32_t k = 0; k < s.count; k++) {
+            size_t at = 3u * (size_t)s.node[k] + a;
+            u += s.weight[k] * d->u_m[at];
+            v += s.weight[k] * d->v_m_s[at];
         }
-        dyna->u_m[3u * (size_t)node + a] = u;
-        dyna->v_m_s[3u * (size_t)node + a] = v;
+        d->u_m[3u * (size_t)node + a] = u;
+        d->v_m_s[3u * (size_t)node + a] = v;
     }
 }
 
+void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
+    follow(dyna, node, container_of(dyna->tets, node));
+}
+
 void palp_dyna_mean(palp_dyna *dyna, uint32_t node) {
-    const palp_tets *t = dyna->tets;
-    for (uint32_t a = 0; a < 3u; a++) {
-        float u = 0.0f, v = 0.0f;
-        for (uint32_t k = t->mean_offset[node]; k < t->mean_offset[node + 1u]; k++) {
-            size_t at = 3u * (size_t)t->mean[k] + a;
-            u += t->mean_weight[k] * dyna->u_m[at];
-            v += t->mean_weight[k] * dyna->v_m_s[at];
-        }
-        dyna->u_m[3u * (size_t)node + a] = u;
-        dyna->v_m_s[3u * (size_t)node + a] = v;
-    }
+    follow(dyna, node, children_of(dyna->tets, node));
 }
 
 void palp_dyna_follow(palp_dyna *dyna) {
@@ -38,33 +46,27 @@ void palp_dyna_follow(palp_dyna *dyna) {
 }
 
 /* The impulse on a node goes to what it follows, by the same weights. */
-static void hand_back(palp_dyna *d, uint32_t node, const uint32_t *source, const float *weight,
-                      uint32_t count) {
+static void hand_back(palp_dyna *d, uint32_t node, sources s) {
     const float *from = d->impulse_Ns + 3u * (size_t)node;
-    for (uint32_t k = 0; k < count; k++) {
-        float *to = d->impulse_Ns + 3u * (size_t)source[k];
-        for (uint32_t a = 0; a < 3u; a++) to[a] += weight[k] * from[a];
-        d->stretch[source[k]] = palp_max(d->stretch[source[k]], d->stretch[node]);
+    for (uint32_t k = 0; k < s.count; k++) {
+        float *to = d->impulse_Ns + 3u * (size_t)s.node[k];
+        for (uint32_t a = 0; a < 3u; a++) to[a] += s.weight[k] * from[a];
+        d->stretch[s.node[k]] = palp_max(d->stretch[s.node[k]], d->stretch[node]);
     }
 }
 
 void palp_dyna_hand_back(palp_dyna *dyna) {
     const palp_tets *t = dyna->tets;
-    for (uint32_t i = dyna->down_count; i-- > 0u;) {
-        uint32_t n = dyna->down[i];
-        hand_back(dyna, n, t->tet[t->container[n]].node, t->container_weight + 4u * (size_t)n, 4);
-    }
-    for (uint32_t i = dyna->up_count; i-- > 0u;) {
-        uint32_t n = dyna->up[i], first = t->mean_offset[n];
-        hand_back(dyna, n, t->mean + first, t->mean_weight + first, t->mean_offset[n + 1u] - first);
-    }
+    for (uint32_t i = dyna->down_count; i-- > 0u;)
+        hand_back(dyna, dyna->down[i], container_of(t, dyna->down[i]));
+    for (uint32_t i = dyna->up_count; i-- > 0u;)
+        hand_back(dyna, dyna->up[i], children_of(t, dyna->up[i]));
 }
 
 /* The diagonal of W^T J W. (Its row sums would be a bound, and are far too large.) */
-static void lean(palp_dyna *d, uint32_t node, const uint32_t *source, const float *weight,
-                 uint32_t count) {
-    for (uint32_t k = 0; k < count; k++)
-        d->lever[source[k]] += weight[k] * weight[k] * d->lever[node];
+static void lean(palp_dyna *d, uint32_t node, sources s) {
+    for (uint32_t k = 0; k < s.count; k++)
+        d->lever[s.node[k]] += s.weight[k] * s.weight[k] * d->lever[node];
 }
 
 void palp_dyna_levers(palp_dyna *dyna) {
@@ -74,14 +76,8 @@ void palp_dyna_levers(palp_dyna *dyna) {
         bool bears = d->state[i] == PALP_ACTIVE || d->borders[i] != 0u;
         d->lever[i] = bears ? d->j_N_per_m[i] : 0.0f;
     }
-    for (uint32_t i = d->down_count; i-- > 0u;) {
-        uint32_t n = d->down[i];
-        lean(d, n, t->tet[t->container[n]].node, t->container_weight + 4u * (size_t)n, 4);
-    }
-    for (uint32_t i = d->up_count; i-- > 0u;) {
-        uint32_t n = d->up[i], first = t->mean_offset[n];
-        lean(d, n, t->mean + first, t->mean_weight + first, t->mean_offset[n + 1u] - first);
-    }
+    for (uint32_t i = d->down_count; i-- > 0u;) lean(d, d->down[i], container_of(t, d->down[i]));
+    for (uint32_t i = d->up_count; i-- > 0u;) lean(d, d->up[i], children_of(t, d->up[i]));
     for (uint32_t i = 0; i < d->active_count; i++) {
         uint32_t n = d->active[i];
         d->lever[n] = palp_max(d->lever[n] / d->j_N_per_m[n], 1.0f);

@@ -49,6 +49,7 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
         if (!palp_tool_is_sound(&tools[t]) || !palp_vec3_is_finite(at_m[t]))
             return PALP_ERR_ARGUMENT;
         p.reach_m[t] = extent(&tools[t]);
+        p.size_m[t] = palp_tool_size(&tools[t]);
         p.from_m[t] = p.to_m[t] = at_m[t];
     }
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
@@ -106,7 +107,7 @@ static void look_closely(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3
 
 static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
     float away = palp_norm(palp_sub(x, p->to_m[tool])) - p->reach_m[tool];
-    float size = palp_tool_size(&p->tools[tool]);
+    float size = p->size_m[tool];
     if (away > HOLD * size + path_m) return;
     if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
     float margin = MARGIN * size + path_m + PALP_IMPOSE_SPEED * p->dyna->config.tick_s;

@@ -40,7 +40,7 @@ typedef struct {
     uint32_t tool_count, max_spots, count;
     palp_imposed *spot;
     uint8_t *pressed; /* [skin] bit per tool: was inside in this tick or the last */
-    float reach_m[PALP_MAX_TOOLS];
+    float reach_m[PALP_MAX_TOOLS], size_m[PALP_MAX_TOOLS];
     palp_vec3 from_m[PALP_MAX_TOOLS], to_m[PALP_MAX_TOOLS];
     palp_vec3 impulse_Ns[PALP_MAX_TOOLS]; /* on the tools, in this tick */
     uint32_t looks;                       /* close looks left in this tick */
