@@ -239,7 +239,7 @@ static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth)
 
 /* An idle candidate of another zone makes way for a tool. */
 static bool gives_way(const palp_contact *c, uint32_t candidate) {
-    return c->candidate[candidate].tool == PALP_ZONE_TOOL && !palp_contact_is_active(c, candidate);
+    return c->candidate[candidate].tool == PALP_ZONE_TOOL && !c->candidate[candidate].active;
 }
 
 static void propose_one(palp_contact *c, proposals *p, palp_fresh fresh) {
@@ -348,7 +348,7 @@ static void shrink_relief(palp_contact *c) {
     }
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
-        if (!(k->relief_m > 0.0f) || palp_contact_is_active(c, i)) continue;
+        if (!(k->relief_m > 0.0f) || k->active) continue;
         float missing =
             k->target_m - palp_dot(k->at.push, moved[k->tool]) - palp_contact_indentation(c, i);
         c->work_done += c->active_count;
@@ -356,7 +356,9 @@ static void shrink_relief(palp_contact *c) {
     }
 }
 
+/* Those out of reach, at most as many as a tick may take in. */
 static void drop_idle(palp_contact *c, const palp_vec3 *center) {
+    uint32_t left = c->limits.max_new;
     for (uint32_t i = c->count; i-- > 0u;) {
         palp_candidate *k = &c->candidate[i];
         k->at = palp_contact_see(c, k, center);
@@ -366,7 +368,9 @@ static void drop_idle(palp_contact *c, const palp_vec3 *center) {
         bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
         bool near =
             !misplaced && k->at.depth_m > -2.0f * MARGIN * c->size_m[k->tool] && k->at.reach < KEEP;
-        if (!near && !palp_contact_is_active(c, i)) drop(c, i);
+        if (near || k->active || left == 0u) continue;
+        drop(c, i);
+        left--;
     }
 }
 
@@ -405,6 +409,14 @@ static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
     }
 }
 
+/* Around the next candidates in turn. */
+static void propose_walk(palp_contact *c, proposals *p) {
+    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count; i++) {
+        c->walk = c->walk + 1u < c->count ? c->walk + 1u : 0u;
+        propose_neighbours(c, p, &c->candidate[c->walk]);
+    }
+}
+
 /* The next slots in turn. */
 static void propose_scan(palp_contact *c, proposals *p) {
     uint32_t body = 0, nodes = c->blob->level[c->level].nodes;
@@ -433,7 +445,7 @@ uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, pal
         propose_nearest(c, &p, t);
     }
     c->probe++;
-    for (uint32_t i = 0; i < c->count; i++) propose_neighbours(c, &p, &c->candidate[i]);
+    propose_walk(c, &p);
     propose_scan(c, &p);
     if (c->assembly == NULL) return p.found;
     return p.found + palp_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
@@ -508,7 +520,7 @@ static bool make_room(palp_contact *c, float depth_m) {
     uint32_t farthest = c->count;
     float least = depth_m;
     for (uint32_t k = 0; k < c->count; k++) {
-        if (c->candidate[k].at.depth_m >= least || palp_contact_is_active(c, k)) continue;
+        if (c->candidate[k].at.depth_m >= least || c->candidate[k].active) continue;
         least = c->candidate[k].at.depth_m;
         farthest = k;
     }

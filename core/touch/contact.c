@@ -6,13 +6,6 @@
 #define PENETRATION_MIN 2e-5f /* violation that lets a candidate in, over the tool's size */
 #define REFACTOR_AFTER 64u    /* changes of the factor before it is made afresh */
 
-bool palp_contact_is_active(const palp_contact *contact, uint32_t candidate) {
-    for (uint32_t a = 0; a < contact->active_count; a++) {
-        if (contact->active[a] == candidate) return true;
-    }
-    return false;
-}
-
 /* g lambda at a candidate */
 float palp_contact_indentation(const palp_contact *contact, uint32_t candidate) {
     const palp_contact *c = contact;
@@ -61,6 +54,7 @@ static void let_out(palp_contact *c, uint32_t a) {
     palp_chol_remove(c->factor, c->active_count, c->limits.max_active, a);
     c->work_done += (uint64_t)c->active_count * c->active_count * 5u / 2u;
     c->candidate[c->active[a]].force_N = 0.0f;
+    c->candidate[c->active[a]].active = false;
     c->active_count--;
     for (uint32_t k = a; k < c->active_count; k++) c->active[k] = c->active[k + 1u];
     c->changes++;
@@ -74,6 +68,7 @@ bool palp_contact_let_in(palp_contact *contact, uint32_t candidate) {
     c->work_done += (uint64_t)n * n / 2u + n;
     if (palp_chol_append(c->factor, n, c->limits.max_active, c->work) != PALP_OK) return false;
     c->active[n] = candidate;
+    c->candidate[candidate].active = true;
     c->active_count++;
     c->changes++;
     return true;
@@ -87,6 +82,7 @@ static void refactor(palp_contact *c) {
     c->changes = 0;
     for (uint32_t a = 0; a < n; a++) {
         uint32_t candidate = c->active[a];
+        c->candidate[candidate].active = false;
         if (!palp_contact_let_in(c, candidate)) c->candidate[candidate].force_N = 0.0f;
     }
     c->changes = 0;
@@ -189,7 +185,7 @@ static uint32_t most_violated(palp_contact *c) {
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
         float wanted = k->target_m - palp_dot(k->at.push, moved[k->tool]);
-        if (k->blocked == c->solves || palp_contact_is_active(c, i)) continue;
+        if (k->blocked == c->solves || k->active) continue;
         float missing = wanted - palp_contact_indentation(c, i);
         if (missing <= worst[k->tool] || missing <= most) continue;
         most = missing;
@@ -204,7 +200,7 @@ static uint32_t most_violated(palp_contact *c) {
 static void relieve_idle(palp_contact *c) {
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
-        if (palp_contact_is_active(c, i)) continue;
+        if (k->active) continue;
         k->relief_m = palp_max(k->at.depth_m - palp_contact_indentation(c, i), k->relief_m);
         c->work_done += 2u * c->active_count;
     }

@@ -52,6 +52,7 @@ typedef struct {
 #define PALP_MAX_TOOLS 4u
 #define PALP_MAX_CANDIDATES 256u
 #define PALP_CONTACT_SCAN 32u /* slots looked at in turn by each search */
+#define PALP_CONTACT_WALK 24u /* candidates whose neighbours are, in turn */
 #define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u, false})
 
 #define PALP_CONTACT_PIVOTS_SPENT 1u /* stopped before the complementarity conditions held */
@@ -85,6 +86,7 @@ typedef struct {
     float target_m;   /* indentation that it asks for with no force on the tool */
     float force_N;    /* lambda, along -n on the body */
     uint32_t blocked; /* solve in which its pivot vanished */
+    bool active;      /* among those in contact */
 } palp_candidate;
 
 /*
@@ -124,7 +126,7 @@ typedef struct {
     float *jacobian;      /* [3 PALP_MAX_TOOLS][max_active] R^-T J */
     uint16_t *place;      /* [free slots] candidate number + 1, 0 if none */
     palp_row_scratch scratch;
-    uint32_t count, active_count, solves, changes, scan, probe;
+    uint32_t count, active_count, solves, changes, scan, walk, probe;
     uint32_t nearest[PALP_MAX_ZONES][PALP_MAX_TOOLS]; /* node of each body */
     uint32_t flags;                                   /* of the last tick */
     uint32_t pivots;                                  /* of the last tick */
@@ -239,7 +241,6 @@ uint32_t palp_contact_search_pairs(palp_contact *contact, palp_fresh *fresh, uin
 palp_vec3 palp_contact_place(const palp_contact *contact, uint32_t body, uint32_t node);
 palp_vec3 palp_contact_normal(const palp_contact *contact, uint32_t body, uint32_t node);
 float palp_contact_indentation(const palp_contact *contact, uint32_t candidate);
-bool palp_contact_is_active(const palp_contact *contact, uint32_t candidate);
 bool palp_contact_let_in(palp_contact *contact, uint32_t candidate);
 static inline float palp_contact_g(const palp_contact *contact, uint32_t i, uint32_t j) {
     return contact->compliance[(size_t)i * contact->limits.max_candidates + j];

@@ -27,7 +27,7 @@ void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *co
 
 void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact,
                          const palp_vec3 *device_m) {
-    coupling->solves = 0;
+    coupling->solves = coupling->pivots = 0;
     coupling->solving = false;
     coupling->moved_m = 0.0f;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
@@ -90,8 +90,11 @@ static bool end_solve(palp_coupling *c, const palp_contact *contact) {
 
 bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact) {
     if (!coupling->solving) begin_solve(coupling, contact);
-    if (palp_contact_step(contact)) return true;
-    return !end_solve(coupling, contact) && coupling->solves < PALP_COUPLING_SOLVES;
+    const uint32_t most = PALP_COUPLING_PIVOTS * contact->limits.max_pivots;
+    bool spent = ++coupling->pivots >= most, more = palp_contact_step(contact);
+    if (more && !spent) return true;
+    if (more) contact->flags |= PALP_CONTACT_PIVOTS_SPENT;
+    return !end_solve(coupling, contact) && !spent && coupling->solves < PALP_COUPLING_SOLVES;
 }
 
 void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,

@@ -7,7 +7,8 @@
  *     force on the hand = F + T - b * velocity of the device     (while touching)
  *
  * F and T are solved together with the spring, linearised about the last tool position, in up to
- * PALP_COUPLING_SOLVES contact solves, taken one pivot at a time so that the caller can stop. The
+ * PALP_COUPLING_SOLVES contact solves with PALP_COUPLING_PIVOTS max_pivots
+ * steps together, taken one pivot at a time so that the caller can stop. The
  * rest position is a function of the device position alone while nothing slips, so the coupling
  * stores energy but makes none. The damper acts on the hand directly and only takes energy.
  */
@@ -17,6 +18,7 @@
 #include "core/touch/friction.h"
 
 #define PALP_COUPLING_SOLVES 3u
+#define PALP_COUPLING_PIVOTS 2u /* of a tick, over max_pivots of one solve */
 
 /* One tool on its spring. */
 typedef struct {
@@ -31,7 +33,7 @@ typedef struct {
 typedef struct {
     palp_spring spring[PALP_MAX_TOOLS];
     palp_vec3 next_m[PALP_MAX_TOOLS]; /* device positions of the tick under way */
-    uint32_t solves;                  /* finished in it */
+    uint32_t solves, pivots;          /* finished in it; taken in it */
     bool solving;
     float moved_m; /* last move of a tool */
 } palp_coupling;

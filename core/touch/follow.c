@@ -213,7 +213,7 @@ static bool aim_anew(palp_contact *c, uint32_t candidate) {
                                      palp_contact_place(c, k->body, k->node));
     uint32_t nearest = palp_contact_nearest(c, k->facing.body, rest, k->facing.node);
     uint32_t before = k->facing.node;
-    bool pressed = palp_contact_is_active(c, candidate) && k->at.reach <= 1.0f;
+    bool pressed = k->active && k->at.reach <= 1.0f;
     if (!pressed && !palp_node_is_fixed(b, nearest)) k->facing.node = nearest;
     palp_contact_aim(c, k);
     c->work_done += 2u * c->place_work + 8u * b->meta->max_ring;
@@ -222,7 +222,7 @@ static bool aim_anew(palp_contact *c, uint32_t candidate) {
     float asked = k->at.depth_m - k->relief_m;
     k->at = palp_contact_see(c, k, c->about);
     k->relief_m = k->at.depth_m - asked;
-    if (!palp_contact_is_active(c, candidate)) k->relief_m = palp_max(k->relief_m, 0.0f);
+    if (!k->active) k->relief_m = palp_max(k->relief_m, 0.0f);
     return palp_contact_make_row(c, k->facing.body, k->facing.slot,
                                  &c->row[c->limits.max_candidates + candidate]);
 }

@@ -261,7 +261,7 @@ static void set_reliefs(palp_contact *c, const palp_vec3 *tool_m) {
         palp_candidate *k = &c->candidate[i];
         k->at = palp_tool_at(&c->tools[k->tool], tool_m[k->tool], k->x, k->n);
         float off = k->at.depth_m - palp_contact_indentation(c, i);
-        k->relief_m = palp_contact_is_active(c, i) ? off : palp_max(off, 0.0f);
+        k->relief_m = k->active ? off : palp_max(off, 0.0f);
         palp_vec3 off_grip = palp_sub(c->grip[k->tool].held_m, tool_m[k->tool]);
         k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off_grip);
     }

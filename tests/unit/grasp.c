@@ -255,7 +255,7 @@ static double pair_forces(const palp_contact *c, palp_vec3 *on, uint32_t *pairs)
         if (k->tool != PALP_ZONE_TOOL) continue;
         double left = (double)(k->at.depth_m - k->relief_m - palp_contact_indentation(c, i));
         deepest = fmax(deepest, left);
-        if (!palp_contact_is_active(c, i)) continue;
+        if (!c->candidate[i].active) continue;
         (*pairs)++;
         on[k->body] = palp_madd(on[k->body], -k->force_N, k->n);
         palp_vec3 d = palp_rotate(c->assembly->world[k->facing.body].r, k->facing.d);
