@@ -51,8 +51,7 @@ typedef struct {
 static uint64_t now_ns(void *context) {
     const player *p = context;
     if (p->spec->wall) return p->begun_ns + (uint64_t)((now_s() - p->begun_s) * 1e9);
-    double work = (double)(p->body.work - p->begun_work);
-    return p->begun_ns + (uint64_t)(work * p->spec->ns_per_operation);
+    return p->begun_ns + p->body.work_ns - p->begun_work;
 }
 
 static palp_material choose_material(const player *p) {
@@ -107,7 +106,7 @@ static void open_body(player *p) {
                              .tool_count = p->tools,
                              .max_spots = SPOTS,
                              .most_class = s->most_class,
-                             .cost = {.ns_per_operation = (float)s->ns_per_operation,
+                             .cost = {.target = &palp_target_counted, .ns_per_instruction = (float)s->ns_per_operation,
                                       .margin = (float)(budget * 1e-6 * p->s.rate_hz)},
                              .port = {.now_ns = now_ns, .context = p},
                              .tick_s = (float)(1 / p->s.rate_hz),
@@ -167,7 +166,7 @@ static void run(player *p) {
         k->t_s = (double)(i + 1) / p->s.rate_hz;
         where_tools_are(p, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
-        p->begun_work = p->body.work;
+        p->begun_work = p->body.work_ns;
         p->begun_s = now_s();
         palp_dynamic_tick(&p->body, p->begun_ns, at, force, &k->r);
         k->wall_us = (now_s() - p->begun_s) * 1e6;

@@ -71,7 +71,7 @@ void record_write_session(FILE *f, const session_record *s) {
     FILE *m = open_memstream(&text, &bytes);
     if (m == NULL) die(EXIT_WORK, "no memory for the log's header");
     fprintf(m,
-            "palp-log 1\nbus %s\nblob %" PRIu32 " %" PRIu32 "\nrate %.9g\norigin %.9g %.9g %.9g\n",
+            "palp-log 2\nbus %s\nblob %" PRIu32 " %" PRIu32 "\nrate %.9g\norigin %.9g %.9g %.9g\n",
             s->bus, s->blob_bytes, s->blob_crc, (double)c->device.drives.rate_hz,
             (double)p->origin_m.x, (double)p->origin_m.y, (double)p->origin_m.z);
     fprintf(m, "rotation");
@@ -81,8 +81,11 @@ void record_write_session(FILE *f, const session_record *s) {
     fprintf(m, "limits %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %d\n",
             c->limits.max_candidates, c->limits.max_active, c->limits.max_new, c->limits.max_pivots,
             c->limits.friction ? 1 : 0);
-    fprintf(m, "cost %.9g %.9g\nresume %d\ndevice\n%s\n", (double)c->cost.ns_per_operation,
-            (double)c->cost.margin, c->resume ? 1 : 0, s->device);
+    fprintf(m, "cost %.9g %.9g %.9g\nprices", (double)c->cost.ns_per_instruction,
+            (double)c->cost.ns_per_byte, (double)c->cost.margin);
+    for (uint32_t k = 0; k < PALP_WORKS; k++)
+        fprintf(m, " %.9g", (double)c->cost.target->instructions.of[k]);
+    fprintf(m, "\nresume %d\ndevice\n%s\n", c->resume ? 1 : 0, s->device);
     fclose(m);
     write_text(f, text);
     free(text);
@@ -209,19 +212,22 @@ static bool parse_header_line(session_record *s, const char *line) {
         c->limits = (palp_contact_limits){u[0], u[1], u[2], u[3], u[4] == 1};
         return true;
     }
-    if (floats(line, "cost", two, 2)) {
-        c->cost = (palp_cost_table){.ns_per_operation = two[0], .margin = two[1]};
+    if (floats(line, "cost", three, 3)) {
+        c->cost = (palp_cost_table){&s->target, three[0], three[1], three[2]};
         return true;
     }
+    if (floats(line, "prices", s->target.instructions.of, PALP_WORKS)) return true;
     if (floats(line, "resume", &one, 1)) {
         c->resume = one > 0;
         return true;
     }
-    return strcmp(line, "palp-log 1") == 0;
+    return strcmp(line, "palp-log 2") == 0;
 }
 
 static void parse_header(session_record *s, const char *path, char *text) {
-    if (strncmp(text, "palp-log 1\n", 11) != 0)
+    if (strncmp(text, "palp-log 1\n", 11) == 0)
+        die(EXIT_WORK, "%s: written by palpd 0.2 or older, whose bounds were others", path);
+    if (strncmp(text, "palp-log 2\n", 11) != 0)
         die(EXIT_WORK, "%s: not a log that palpd has written (--log)", path);
     for (char *line = text; line != NULL;) {
         char *next = strchr(line, '\n');

@@ -49,6 +49,7 @@ uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t coun
 /* What the controller was told when the session was opened. */
 typedef struct {
     palp_servo_config config; /* but for the port */
+    palp_target target;       /* of config.cost, when read */
     uint32_t blob_crc, blob_bytes;
     char bus[32];
     char *device; /* text of the description */

@@ -103,7 +103,7 @@ static bool stable(const setting *s, double stiffness, bool guarded) {
     for (int h = 0; h < HANDS && good; h++) {
         rig r = {.file = file_of(s)};
         palp_servo_config config = rig_config(&r, s->blob);
-        config.cost.ns_per_operation = 0.01f;
+        config.cost.ns_per_instruction = 0.01f;
         config.coupling_N_per_m = (float)stiffness;
         config.unguarded = !guarded;
         rig_open(&r, s->blob, &config, "touch", NULL, 1);

@@ -37,17 +37,18 @@ static palp_vec3 ball_at(const poke *p, uint32_t k) {
 static void begin(poked *b, const palp_tets *tets, palp_material material, const poke *p,
                   double share, bool uniform) {
     b->tool = palp_tool_sphere(p->radius_m);
-    palp_dynamic_config c = {.tets = tets,
-                             .material = material,
-                             .adapt = palp_adapt_defaults(tets),
-                             .tools = &b->tool,
-                             .tool_count = 1,
-                             .max_spots = SPOTS,
-                             .most_class = PALP_STEP_CLASSES - 1,
-                             .cost = {.ns_per_operation = 1e-6f, .margin = 0.8f},
-                             .port = {.now_ns = no_time},
-                             .tick_s = 1e-3f,
-                             .uniform = uniform};
+    palp_dynamic_config c = {
+        .tets = tets,
+        .material = material,
+        .adapt = palp_adapt_defaults(tets),
+        .tools = &b->tool,
+        .tool_count = 1,
+        .max_spots = SPOTS,
+        .most_class = PALP_STEP_CLASSES - 1,
+        .cost = {.target = &palp_target_counted, .ns_per_instruction = 1e-6f, .margin = 0.8f},
+        .port = {.now_ns = no_time},
+        .tick_s = 1e-3f,
+        .uniform = uniform};
     c.adapt.refine_m = (float)share * tets->meta->diagonal_m;
     c.adapt.merge_m = 0.1f * c.adapt.refine_m;
     size_t bytes = palp_dynamic_memsize(tets, SPOTS);

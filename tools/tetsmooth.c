@@ -5,9 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SWEEPS 12     /* of smoothing */
-#define SAFE_LOW 18.0 /* dihedral angles (degrees) inside which smoothing may change them freely   \
-                       */
+#define SWEEPS 12 /* of smoothing */
+#define SAFE_LOW                                                                                   \
+    18.0 /* dihedral angles (degrees) inside which smoothing may change them freely                \
+          */
 #define SAFE_HIGH 150.0
 
 /* Worst of a node's tetrahedra: how far its angles leave the safe range, and its shape. */

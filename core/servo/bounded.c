@@ -2,7 +2,7 @@
 #include "bounded.h"
 
 #define NS_PER_S 1e9f
-#define LEAST_PIVOTS 2u /* per solve, in the least answer on a rung */
+#define LEAST_PIVOTS 4u /* per tick, in the least answer on a rung */
 #define SPARE_HATS                                                                                 \
     (2u * PALP_COUPLING_SOLVES *                                                                   \
      LEAST_PIVOTS)      /* that the forces may come to load while a tick solves */
@@ -35,6 +35,14 @@ static size_t need_of(const palp_bounded_config *c) {
     return palp_bounded_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
 }
 
+static palp_touch_cost bound_of(const palp_bounded_config *c) {
+    palp_prices ns = palp_prices_of(&c->cost);
+    if (c->assembly == NULL)
+        return palp_touch_cost_of(c->blob, c->limits, c->tools, c->tool_count, &ns);
+    return palp_touch_cost_of_zones(c->assembly->zones, c->assembly->seams.finest, c->pairs,
+                                    c->limits, c->tools, c->tool_count, &ns);
+}
+
 static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
     const palp_bounded_config *c = &b->config;
     if (c->assembly != NULL) {
@@ -56,23 +64,19 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
                       .since_climb = HELD * CLIMB_LATEST};
     palp_arena arena = {.base = memory};
     if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
-    bool positive = config->dt_s > 0.0f && config->cost.ns_per_operation > 0.0f &&
-                    config->cost.margin > 0.0f && config->cost.margin <= 1.0f &&
+    bool positive = config->dt_s > 0.0f && palp_cost_table_is_sound(&config->cost) &&
                     config->port.now_ns != NULL;
     if (!positive || config->tool_count < 1u || config->tool_count > PALP_MAX_TOOLS)
         return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < need_of(config)) return PALP_ERR_MEMORY;
-    b.bound =
-        config->assembly != NULL
-            ? palp_cost_of_zones(config->assembly->zones, config->assembly->seams.finest,
-                                 config->pairs, config->limits, config->tools, config->tool_count)
-            : palp_cost_of(config->blob, config->limits, config->tools, config->tool_count);
-    float ns = config->cost.ns_per_operation, least_ns = palp_cost_least(&b.bound) * ns;
-    if (config->assembly != NULL) palp_moving_costs(&b);
-    if (config->assembly != NULL)
-        least_ns += palp_moving_cost_least(&b, config->limits.max_candidates) * ns;
-    b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active) * ns;
+    b.bound = bound_of(config);
+    float least_ns = palp_cost_least(&b.bound, b.config.blob);
+    if (config->assembly != NULL) {
+        palp_moving_costs(&b);
+        least_ns += palp_moving_cost_least(&b, config->limits.max_candidates);
+    }
+    b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active);
     if (bound_ns != NULL) *bound_ns = least_ns;
     if (least_ns > config->cost.margin * NS_PER_S * config->dt_s) return PALP_ERR_BUDGET;
     b.fresh = palp_take(&arena, config->limits.max_new, sizeof *b.fresh);
@@ -115,7 +119,15 @@ static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t mo
     uint32_t count = least(c->count + more, b->config.limits.max_candidates);
     uint32_t reachable = c->active_count + PALP_COUPLING_SOLVES * LEAST_PIVOTS;
     uint32_t active = least(least(reachable, count), b->config.limits.max_active);
-    return palp_bounded_time_ns(b, palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS));
+    return palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS);
+}
+
+/* Bound of finding out what a retreat would cost. */
+static float retreat_look_ns(const palp_bounded *b) {
+    if (b->ladder.rung == 0u) return 0.0f;
+    uint32_t active = b->ladder.contact[b->ladder.now].active_count;
+    return palp_cost_load(&b->bound, b->ladder.at[b->ladder.rung - 1u],
+                          b->config.limits.max_candidates, active);
 }
 
 /* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
@@ -124,9 +136,9 @@ static float retreat_ns(palp_bounded *b) {
     uint32_t load = least(palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS,
                           b->config.limits.max_candidates);
     uint32_t active = least(load, b->config.limits.max_active);
-    return palp_bounded_time_ns(
-        b, palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load) +
-               palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS));
+    uint32_t now = palp_ladder_contact(&b->ladder)->active_count;
+    return palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load, now) +
+           palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS);
 }
 
 /* ---- the tick ---- */
@@ -156,8 +168,8 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
         const palp_contact *c = palp_ladder_contact(&b->ladder);
         float need =
             answer_ns(b, c, 0u) +
-            palp_bounded_time_ns(b, palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung],
-                                                     c->count, c->active_count));
+            palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count) +
+            retreat_look_ns(b);
         b->retreat_ns = retreat_ns(b);
         if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
@@ -171,13 +183,20 @@ static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_repor
     uint32_t fresh = palp_contact_search(c, around, b->fresh);
     uint32_t i = 0;
     for (; i < fresh; i++) {
-        float admit = palp_bounded_time_ns(
-            b, palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count));
+        float admit =
+            palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count);
         if (admit + answer_ns(b, c, 1u) + b->retreat_ns > palp_bounded_left_ns(b)) break;
         palp_contact_admit(c, b->fresh[i]);
     }
     r->admitted = i;
     r->deferred = fresh - i;
+}
+
+/* Beginning a solve, with the factor made afresh if that is due. */
+static float begin_ns(const palp_bounded *b, const palp_contact *c) {
+    bool due = c->changes >= PALP_CONTACT_REFACTOR;
+    return palp_cost_begin(&b->bound, c->count) +
+           (due ? palp_cost_refactor(&b->bound, c->active_count) : 0.0f);
 }
 
 /* Solves on the present rung; false when time ran out before the least answer was there. */
@@ -187,12 +206,10 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
     bool more = true;
     palp_coupling_begin(&b->coupling, c, device_m);
     while (more) {
-        float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count + 1u);
-        if (!b->coupling.solving)
-            quantum += palp_cost_solve(&b->bound, c->count, c->active_count + 1u);
-        if (quanta > 0u &&
-            palp_bounded_time_ns(b, quantum) + b->retreat_ns > palp_bounded_left_ns(b))
-            break;
+        float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count) +
+                        palp_cost_couple(&b->bound, c->active_count + 1u);
+        if (!b->coupling.solving) quantum += begin_ns(b, c);
+        if (quanta > 0u && quantum + b->retreat_ns > palp_bounded_left_ns(b)) break;
         more = palp_coupling_step(&b->coupling, c);
         quanta++;
     }
@@ -210,10 +227,8 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     if (b->since_climb < HELD * CLIMB_LATEST) b->since_climb++;
     if (b->config.assembly != NULL) {
         palp_contact *c = palp_ladder_contact(&b->ladder);
-        palp_moving_tick(b,
-                         answer_ns(b, c, 0u) +
-                             palp_bounded_time_ns(b, palp_cost_search(&b->bound, b->ladder.at[0],
-                                                                      c->count, c->active_count)));
+        palp_moving_tick(b, answer_ns(b, c, 0u) + palp_cost_search(&b->bound, b->ladder.at[0],
+                                                                   c->count, c->active_count));
     }
     choose_rung(b, &r);
     palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
@@ -243,14 +258,15 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
 static bool finer_fits(palp_bounded *b) {
     uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung + 1u);
     uint32_t count = least(2u * load, b->config.limits.max_candidates);
-    if ((float)load > CLIMB_SHARE * b->bound.limit_active) return false;
-    float need = b->bound.fixed +
-                 palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung + 1u], count, load) +
+    if ((float)load > CLIMB_SHARE * (float)b->config.limits.max_active) return false;
+    uint32_t now = palp_ladder_contact(&b->ladder)->active_count;
+    palp_rung finer = b->ladder.at[b->ladder.rung + 1u];
+    float need = b->tail_ns + palp_cost_search(&b->bound, finer, count, load) +
                  palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
-    float retreat = palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung + 1u], load) +
+    float retreat = palp_cost_change(&b->bound, finer, load, now) +
                     palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
     float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
-    return palp_bounded_time_ns(b, need + retreat) <= share;
+    return need + retreat <= share;
 }
 
 void palp_bounded_spare(palp_bounded *bounded) {
@@ -273,13 +289,13 @@ void palp_bounded_spare(palp_bounded *bounded) {
     uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
     palp_contact *next = palp_ladder_other(l);
     for (uint32_t i = 0; i < missing; i++) {
-        if (palp_bounded_time_ns(b, palp_cost_admit(&b->bound, finer, next->count)) >
+        if (palp_cost_admit(&b->bound, finer, next->count, next->active_count) >
             palp_bounded_left_ns(b))
             return;
         palp_contact_admit(next, b->fresh[i]);
     }
-    if (missing > 0u || palp_bounded_time_ns(b, palp_cost_change(&b->bound, finer, next->count)) >
-                            palp_bounded_left_ns(b))
-        return;
+    uint32_t now = palp_ladder_contact(l)->active_count;
+    float change = palp_cost_change(&b->bound, finer, next->count, now);
+    if (missing > 0u || change > palp_bounded_left_ns(b)) return;
     if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
 }

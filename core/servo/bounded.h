@@ -29,7 +29,7 @@ typedef struct {
     float dt_s;
 } palp_bounded_config;
 
-/* What a level of the seams costs, in operations; fixed at opening. */
+/* What a level of the seams costs, in ns; unknowns are counted. Fixed at opening. */
 typedef struct {
     float factor, step, settle, solve, unknowns;
 } palp_seam_cost;
@@ -44,7 +44,7 @@ typedef struct {
 
 typedef struct {
     palp_bounded_config config;
-    palp_cost_bound bound;
+    palp_touch_cost bound;                           /* in ns */
     palp_moving_report moving;                       /* of the last tick */
     palp_seam_cost seam_cost[PALP_SEAM_LEVELS + 1u]; /* of each level, then of the approximation */
     bool finer;                                      /* a finer factor is under way in spare time */
@@ -98,9 +98,6 @@ void palp_moving_spare(palp_bounded *bounded);
 void palp_moving_costs(palp_bounded *bounded);
 float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count);
 float palp_bounded_left_ns(const palp_bounded *bounded);
-static inline float palp_bounded_time_ns(const palp_bounded *bounded, float operations) {
-    return operations * bounded->config.cost.ns_per_operation;
-}
 
 /* A tick that began at start_ns on the port's clock, devices at device_m[tool_count]. */
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,

@@ -2,18 +2,7 @@
 #include "dynamic.h"
 #include "core/base/arena.h"
 
-/* Operations of the parts, each about two instructions (tests/check/dynamic.sh counts them). */
-#define EVALUATION 210.0f
-#define NODE_STEP 45.0f
-#define SOURCE 24.0f
-#define SPOT 260.0f
-#define SPOT_STEP 120.0f
-#define SKIN 40.0f
-#define SKIN_TOOL 60.0f
-#define NODE_TICK 30.0f
-#define LIST_NODE 40.0f
-#define LIST_TET 12.0f
-#define LIST_SKIN 20.0f
+#define PRICE(d, kind) ((d)->price.of[PALP_WORK_##kind])
 
 static void lay_out(palp_arena *a, const palp_tets *t, uint32_t spots, void *part[3],
                     size_t bytes[3]) {
@@ -29,10 +18,6 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots) {
     size_t bytes[3];
     lay_out(&a, tets, max_spots, part, bytes);
     return a.used;
-}
-
-static float budget_ops(const palp_dynamic *d, float left_ns) {
-    return left_ns / d->config.cost.ns_per_operation;
 }
 
 static float period_ns(const palp_dynamic_config *c) { return c->cost.margin * c->tick_s * 1e9f; }
@@ -56,15 +41,14 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
                                    .gravity_m_s2 = config->gravity_m_s2,
                                    .tick_s = config->tick_s,
                                    .most_class = config->most_class};
-    bool sound = config->cost.ns_per_operation > 0.0f && config->cost.margin > 0.0f &&
-                 config->cost.margin <= 1.0f && config->port.now_ns != NULL;
-    if (!sound) return PALP_ERR_ARGUMENT;
+    if (!palp_cost_table_is_sound(&config->cost) || config->port.now_ns == NULL)
+        return PALP_ERR_ARGUMENT;
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (memory == NULL || palp_dynamic_memsize(config->tets, config->max_spots) > bytes)
         return PALP_ERR_MEMORY;
     lay_out(&a, config->tets, config->max_spots, part, size);
     palp_dynamic *d = dynamic;
-    *d = (palp_dynamic){.config = *config};
+    *d = (palp_dynamic){.config = *config, .price = palp_prices_of(&config->cost)};
     palp_status status = palp_dyna_init(&d->dyna, config->tets, &dyna, part[0], size[0]);
     if (status != PALP_OK) return status;
     status = palp_adapt_init(&d->adapt, &d->dyna, &config->adapt, part[1], size[1]);
@@ -73,12 +57,12 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
         palp_impose_init(&d->impose, &d->dyna, config->uniform ? NULL : &d->adapt, config->tools,
                          config->tool_count, at_m, config->max_spots, part[2], size[2]);
     if (status != PALP_OK) return status;
-    float least = palp_dynamic_cost_least(d) * config->cost.ns_per_operation;
+    float least = palp_dynamic_cost_least(d);
     if (bound_ns != NULL) *bound_ns = least;
     if (least > period_ns(config)) return PALP_ERR_BUDGET;
     if (!config->uniform) return PALP_OK;
     refine_all(d);
-    least = palp_dynamic_cost_tick(d, 0) * config->cost.ns_per_operation;
+    least = palp_dynamic_cost_tick(d, 0);
     if (bound_ns != NULL) *bound_ns = least;
     return least > period_ns(config) ? PALP_ERR_BUDGET : PALP_OK;
 }
@@ -87,49 +71,56 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
 
 static float cost_search(const palp_dynamic *d) {
     float tools = (float)d->config.tool_count, spots = (float)d->config.max_spots;
-    return (SKIN + SKIN_TOOL * tools) * (float)d->config.tets->meta->skin +
-           (float)PALP_IMPOSE_LOOKS * spots * (SPOT + spots);
+    return (PRICE(d, SKIN) + PRICE(d, SKIN_TOOL) * tools) * (float)d->config.tets->meta->skin +
+           (float)PALP_IMPOSE_LOOKS * spots * (PRICE(d, SPOT) + PRICE(d, ROOM) * spots);
 }
 
 static float cost_steps(const palp_dynamic *d, float steps) {
     const palp_dyna *b = &d->dyna;
-    return steps * (NODE_STEP * (float)b->active_count + SOURCE * (float)b->follow_terms +
-                    SPOT_STEP * (float)d->config.max_spots);
+    return steps * (PRICE(d, NODE_STEP) * (float)b->active_count +
+                    PRICE(d, SOURCE) * (float)b->follow_terms +
+                    PRICE(d, SPOT_STEP) * (float)d->config.max_spots);
 }
 
-static float cost_lists(const palp_tets *t) {
+static float cost_lists(const palp_dynamic *d) {
+    const palp_tets *t = d->config.tets;
     const palp_tets_meta *m = t->meta;
-    return LIST_NODE * (float)m->nodes + LIST_TET * (float)m->tets + LIST_SKIN * (float)m->skin +
-           SOURCE * (float)t->mean_offset[m->nodes];
+    return PRICE(d, LIST_NODE) * (float)m->nodes + PRICE(d, LIST_TET) * (float)m->tets +
+           PRICE(d, LIST_SKIN) * (float)m->skin +
+           PRICE(d, SOURCE) * (float)t->mean_offset[m->nodes];
 }
 
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic) {
-    const palp_tets_meta *m = dynamic->config.tets->meta;
-    float nodes = (float)m->nodes, families = (float)m->families;
-    return 12.0f * nodes + 8.0f * families +
-           (float)dynamic->adapt.config.max_changes * 8.0f * families +
-           24.0f * (float)dynamic->adapt.config.max_looks + cost_lists(dynamic->config.tets);
+    const palp_dynamic *d = dynamic;
+    float families = (float)d->config.tets->meta->families;
+    return PRICE(d, FAMILY) * families * (1.0f + (float)d->adapt.config.max_changes) +
+           PRICE(d, LOOK) * (float)d->adapt.config.max_looks + cost_lists(d);
 }
 
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class) {
-    const palp_dyna *b = &dynamic->dyna;
-    return cost_search(dynamic) + EVALUATION * (float)palp_dyna_work(b, most_class) +
-           cost_steps(dynamic, (float)palp_dyna_steps(b, most_class)) +
-           NODE_TICK * (float)b->active_count + palp_dynamic_cost_adapt(dynamic);
+    const palp_dynamic *d = dynamic;
+    const palp_dyna *b = &d->dyna;
+    return PRICE(d, TICK) + cost_search(d) +
+           PRICE(d, ELEMENT) * (float)palp_dyna_work(b, most_class) +
+           cost_steps(d, (float)palp_dyna_steps(b, most_class)) +
+           PRICE(d, NODE_TICK) * (float)d->config.tets->meta->nodes + palp_dynamic_cost_adapt(d);
 }
 
 /* All means, and lists. */
-static float cost_collapse(const palp_tets *t) {
-    return cost_lists(t) + SOURCE * (float)t->mean_offset[t->meta->nodes];
+static float cost_collapse(const palp_dynamic *d) {
+    const palp_tets *t = d->config.tets;
+    return cost_lists(d) + PRICE(d, SOURCE) * (float)t->mean_offset[t->meta->nodes];
 }
 
 float palp_dynamic_cost_least(const palp_dynamic *dynamic) {
-    const palp_tets_meta *m = dynamic->config.tets->meta;
-    float nodes = (float)m->first_node[1];
+    const palp_dynamic *d = dynamic;
+    const palp_tets_meta *m = d->config.tets->meta;
     float tets = (float)((m->first_tet[1] + PALP_LANES - 1u) / PALP_LANES * PALP_LANES);
-    float after = palp_max(palp_dynamic_cost_adapt(dynamic), cost_collapse(dynamic->config.tets));
-    return cost_search(dynamic) + EVALUATION * tets + (NODE_STEP + NODE_TICK) * nodes +
-           SPOT_STEP * (float)dynamic->config.max_spots + SOURCE * 4.0f * (float)m->nodes + after;
+    float after = palp_max(palp_dynamic_cost_adapt(d), cost_collapse(d));
+    return PRICE(d, TICK) + cost_search(d) + PRICE(d, ELEMENT) * tets +
+           PRICE(d, NODE_STEP) * (float)m->first_node[1] + PRICE(d, NODE_TICK) * (float)m->nodes +
+           PRICE(d, SPOT_STEP) * (float)d->config.max_spots +
+           PRICE(d, SOURCE) * 4.0f * (float)m->nodes + after;
 }
 
 /* ---- the tick ---- */
@@ -141,15 +132,15 @@ static float left_ns(const palp_dynamic *d, uint64_t start_ns) {
 }
 
 /* The finest steps that fit; collapses when none does. False if not even that fits. */
-static bool choose(palp_dynamic *d, float ops, uint32_t *most_class, palp_dynamic_report *r) {
+static bool choose(palp_dynamic *d, float left_ns, uint32_t *most_class, palp_dynamic_report *r) {
     *most_class = d->dyna.top_class;
     for (;; (*most_class)--) {
-        if (palp_dynamic_cost_tick(d, *most_class) <= ops) break;
+        if (palp_dynamic_cost_tick(d, *most_class) <= left_ns) break;
         r->shortened = true;
         if (*most_class == 0u) {
-            if (palp_dynamic_cost_least(d) > ops) return false;
+            if (palp_dynamic_cost_least(d) > left_ns) return false;
             palp_dyna_collapse(&d->dyna);
-            d->work += (uint64_t)cost_collapse(d->config.tets);
+            d->work_ns += (uint64_t)cost_collapse(d);
             r->collapsed = true;
             d->changed = true;
             break;
@@ -161,9 +152,10 @@ static bool choose(palp_dynamic *d, float ops, uint32_t *most_class, palp_dynami
 /* What the budget leaves beside a tick on the finest steps; each evaluation comes with its share of
  * nodes and interface. */
 static palp_adapt_room room_left(const palp_dynamic *d) {
-    float whole = budget_ops(d, period_ns(&d->config));
+    float whole = period_ns(&d->config);
     return (palp_adapt_room){.spare = whole - palp_dynamic_cost_tick(d, d->dyna.top_class),
-                             .per_evaluation = EVALUATION + NODE_STEP + 4.0f * SOURCE,
+                             .per_evaluation =
+                                 PRICE(d, ELEMENT) + PRICE(d, NODE_STEP) + 4.0f * PRICE(d, SOURCE),
                              .per_step = cost_steps(d, 1.0f)};
 }
 
@@ -202,9 +194,7 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
     r->spots = d->impose.count;
     r->inside = d->impose.inside;
     r->overflow = (uint32_t)(d->impose.overflow - overflow);
-    d->work +=
-        (uint64_t)(cost_search(d) + EVALUATION * (float)palp_dyna_work(&d->dyna, most_class) +
-                   cost_steps(d, (float)r->steps) + NODE_TICK * (float)d->dyna.active_count);
+    d->work_ns += (uint64_t)(palp_dynamic_cost_tick(d, most_class) - palp_dynamic_cost_adapt(d));
 }
 
 /* Numbers beyond what floats hold: the body is put back to rest, and nothing is felt. */
@@ -222,10 +212,9 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
     palp_dynamic *d = dynamic;
     uint32_t most_class;
     *report = (palp_dynamic_report){.steps = 0};
-    if (choose(d, budget_ops(d, left_ns(d, start_ns)), &most_class, report)) {
-        report->bound = palp_dynamic_cost_tick(d, most_class);
-        if (report->collapsed)
-            report->bound += cost_collapse(d->config.tets) - palp_dynamic_cost_adapt(d);
+    if (choose(d, left_ns(d, start_ns), &most_class, report)) {
+        report->bound_ns = palp_dynamic_cost_tick(d, most_class);
+        if (report->collapsed) report->bound_ns += cost_collapse(d) - palp_dynamic_cost_adapt(d);
         run(d, most_class, tool_m, report);
         report->calmed = palp_energy_watch(&d->energy, &d->dyna,
                                            work_of_tools(&d->impose, d->force_N), d->changed);
@@ -234,8 +223,8 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
         if (!d->config.uniform && !report->collapsed) {
             report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;
-            d->work += (uint64_t)(palp_dynamic_cost_adapt(d) -
-                                  (d->changed ? 0.0f : cost_lists(d->config.tets)));
+            d->work_ns +=
+                (uint64_t)(palp_dynamic_cost_adapt(d) - (d->changed ? 0.0f : cost_lists(d)));
         }
     } else {
         report->coasted = true;

@@ -7,7 +7,7 @@
  *          forces, motion, tools, interface, step by step; force handed back as the mean
  *          energy monitor, then splits and merges within what the budget can carry
  *
- * Every part has a bound in operations that is known before the tick begins, so nothing has to be
+ * Every part has a bound that is known before the tick begins, so nothing has to be
  * aborted on the way. A tick that begins too late for the coarsest answer repeats its force and
  * leaves the body as it is; that is counted.
  */
@@ -44,18 +44,19 @@ typedef struct {
     bool calmed;  /* the energy monitor took something out */
     bool lost;    /* the motion was not finite any more: the body was put back to rest */
     float kinetic_J, total_J;
-    float bound; /* operations that this tick could take at most */
+    float bound_ns; /* that this tick could take at most */
 } palp_dynamic_report;
 
 typedef struct {
     palp_dynamic_config config;
+    palp_prices price; /* in ns */
     palp_dyna dyna;
     palp_adapt adapt;
     palp_impose impose;
     palp_energy energy;
     palp_vec3 force_N[PALP_MAX_TOOLS];
-    bool changed;  /* families split or merged at the end of the last tick */
-    uint64_t work; /* operations done so far */
+    bool changed;     /* families split or merged at the end of the last tick */
+    uint64_t work_ns; /* bounds of what was done so far */
 } palp_dynamic;
 
 size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots);
@@ -68,14 +69,18 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots);
 palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
 
-/* Operations of a tick as the body stands, with steps no finer than most_class:
- * search (40 + 60 tools) skin + 8 spots (260 + spots), and per step 210 per evaluation due, 45 per
- * active node, 24 per source of an interface node, 120 spots; then 30 per active node (energy,
- * report) and palp_dynamic_cost_adapt. */
+/*
+ * Bounds in ns: sums of named counts times prices (base/price.h), names of prices in capitals.
+ *
+ * Of a tick as the body stands, with steps no finer than most_class: TICK + skin (SKIN + tools
+ * SKIN_TOOL) + 8 spots (SPOT + spots ROOM) + elements due ELEMENT + steps (active NODE_STEP +
+ * sources of interface nodes SOURCE + spots SPOT_STEP) + nodes NODE_TICK, and
+ * palp_dynamic_cost_adapt.
+ */
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
 
-/* Operations of measures and changes: 12 nodes + 8 families + 8 changes families + 24 looks, and
- * once the lists, 40 nodes + 12 tets + 20 skin + 24 means. */
+/* Of measures and changes: families (1 + changes) FAMILY + looks LOOK, and once the lists, nodes
+ * LIST_NODE + tets LIST_TET + skin LIST_SKIN + means SOURCE. */
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 
 /* The coarsest mesh with one step, and adaptivity or the collapse to it: what always has to fit. */

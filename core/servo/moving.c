@@ -11,12 +11,13 @@ static const palp_seam_cost *cost_at(const palp_bounded *b, uint32_t level) {
 void palp_moving_costs(palp_bounded *bounded) {
     const palp_assembly *a = bounded->config.assembly;
     const palp_seams *q = &a->seams;
+    const palp_prices *price = &bounded->bound.price;
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
         uint32_t level = k == PALP_SEAM_LEVELS ? PALP_DIAGONAL : k;
-        palp_seam_cost c = {.factor = palp_seams_cost_factor(q, level),
-                            .step = palp_seams_cost_step(q, level),
-                            .settle = palp_assembly_cost_settle(a, level),
-                            .solve = palp_seams_cost_solve(q, level)};
+        palp_seam_cost c = {.factor = palp_seams_cost_factor(q, price, level),
+                            .step = palp_seams_cost_step(q, price, level),
+                            .settle = palp_assembly_cost_settle(a, price, level),
+                            .solve = palp_seams_cost_solve(q, price, level)};
         for (uint32_t s = 0; s < q->zones->meta->seams; s++)
             c.unknowns += 3.0f * (float)palp_seam_modes(q, s, level);
         bounded->seam_cost[k] = c;
@@ -28,7 +29,7 @@ void palp_moving_costs(palp_bounded *bounded) {
 static float cost_after(const palp_bounded *b, uint32_t level, uint32_t count) {
     const palp_seam_cost *c = cost_at(b, level);
     return 2.0f * c->settle + 2.0f * c->solve +
-           palp_cost_follow(&b->bound, b->config.limits, count, c->unknowns, c->solve);
+           palp_cost_follow(&b->bound, count, b->config.limits.max_active, c->unknowns, c->solve);
 }
 
 static float cost_of(const palp_bounded *b, uint32_t level, uint32_t count) {
@@ -48,7 +49,7 @@ void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_fra
 static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     bool smooth = b->moving.drift <= PALP_REUSE_FAR;
     palp_assembly *a = b->config.assembly;
-    float step_ns = palp_bounded_time_ns(b, cost_at(b, level)->step);
+    float step_ns = cost_at(b, level)->step;
     palp_seams_begin(&a->seams, a->posture, level);
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
@@ -58,11 +59,11 @@ static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
 
 /* The finest level, `from` or coarser, that is done in time. */
 static void renew(palp_bounded *b, uint32_t from, uint32_t count, float rest_ns) {
-    float least_ns = rest_ns + palp_bounded_time_ns(b, cost_of(b, PALP_DIAGONAL, count));
+    float least_ns = rest_ns + cost_of(b, PALP_DIAGONAL, count);
     for (uint32_t k = from + 1u; k-- > 0u;) {
-        float need_ns = palp_bounded_time_ns(b, cost_of(b, k, count)) + rest_ns;
+        float need_ns = cost_of(b, k, count) + rest_ns;
         if (need_ns <= palp_bounded_left_ns(b)) {
-            float after_ns = palp_bounded_time_ns(b, cost_after(b, k, count)) + rest_ns;
+            float after_ns = cost_after(b, k, count) + rest_ns;
             if (make_factor(b, k, palp_max(after_ns, least_ns))) return;
         }
         b->moving.aborted++;
@@ -75,7 +76,7 @@ static void note_level(palp_bounded *b) {
     b->moving.level = a->level;
     const palp_seam_cost *c = cost_at(b, a->level);
     b->bound.unknowns = c->unknowns;
-    b->bound.seam_row = 60.0f * b->bound.modes + 0.5f * c->solve + c->unknowns;
+    b->bound.seam_row = 0.5f * c->solve + c->unknowns * b->bound.price.of[PALP_WORK_SEAM_MODE];
 }
 
 /* A finer factor from spare time, if the posture is still the one that it was made for. */
@@ -84,8 +85,7 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
     const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
     if (!b->finer || f->step < f->steps) return false;
     b->finer = false;
-    if (palp_bounded_time_ns(b, cost_after(b, f->level, count)) + rest_ns >
-        palp_bounded_left_ns(b)) {
+    if (cost_after(b, f->level, count) + rest_ns > palp_bounded_left_ns(b)) {
         b->barred = f->level;
         return false;
     }
@@ -102,7 +102,7 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
     palp_contact_load(c, a);
     b->moving = (palp_moving_report){.drift = drift};
     bool approximate = a->level == PALP_DIAGONAL;
-    float settle_ns = palp_bounded_time_ns(b, cost_after(b, a->level, c->count));
+    float settle_ns = cost_after(b, a->level, c->count);
     bool fits = settle_ns + rest_ns <= palp_bounded_left_ns(b);
     bool reuse = fits && (approximate ? !(drift > 0.0f)
                                       : drift <= (near ? PALP_REUSE_NEAR : PALP_REUSE_FAR));
@@ -114,8 +114,7 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
         b->finer = false;
         /* What a change of level is measured against; without time for it, the last tick's will do.
          */
-        float before_ns = palp_bounded_time_ns(b, cost_at(b, a->level)->settle +
-                                                      cost_of(b, PALP_DIAGONAL, c->count));
+        float before_ns = cost_at(b, a->level)->settle + cost_of(b, PALP_DIAGONAL, c->count);
         if (drift <= PALP_REUSE_FAR && before_ns + rest_ns <= palp_bounded_left_ns(b))
             palp_assembly_settle(a);
         b->barred = PALP_NONE;
@@ -137,11 +136,11 @@ void palp_moving_spare(palp_bounded *bounded) {
     if (b->barred == next) return; /* it was not sound, or not affordable, in this posture */
     float share = b->config.cost.margin * 1e9f * b->config.dt_s;
     if (!b->finer) {
-        if (palp_bounded_time_ns(b, cost_after(b, next, count)) > 0.5f * share) return;
+        if (cost_after(b, next, count) > 0.5f * share) return;
         palp_seams_begin(q, a->posture, next);
         b->finer = true;
     }
-    float step_ns = palp_bounded_time_ns(b, cost_at(b, next)->step);
+    float step_ns = cost_at(b, next)->step;
     while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
     if (!q->factor[1u - q->now].sound) b->barred = next;
 }

@@ -41,8 +41,8 @@ size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
 static bool config_is_sound(const palp_servo_config *c) {
     float rate_hz = c->device.drives.rate_hz;
     return palp_device_is_sound(&c->device) && palp_tool_is_sound(&c->tool) && rate_hz >= 49.0f &&
-           rate_hz <= 20001.0f && c->placement.scale > 0.0f && c->cost.ns_per_operation > 0.0f &&
-           c->cost.margin > 0.0f && c->port.now_ns != NULL;
+           rate_hz <= 20001.0f && c->placement.scale > 0.0f && palp_cost_table_is_sound(&c->cost) &&
+           c->port.now_ns != NULL;
 }
 
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
@@ -81,7 +81,8 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     s->passive = palp_passivity_configure(device->damping_Ns_per_m, palp_device_brake(device),
                                           palp_drive_delay(device->drives.protocol), s->dt_s,
                                           device->drives.torque_lag_s);
-    s->bound_ns = palp_cost_full(&s->bounded.bound, config->limits) * config->cost.ns_per_operation;
+    const uint32_t top = blob->meta->constraint_level;
+    s->bound_ns = palp_cost_full(&s->bounded.bound, (palp_rung){top, top});
     palp_axes_init(&s->axes, device);
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);

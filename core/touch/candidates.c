@@ -524,7 +524,7 @@ static bool make_room(palp_contact *c, float depth_m) {
         least = c->candidate[k].at.depth_m;
         farthest = k;
     }
-    c->work_done += (uint64_t)c->count * (1u + c->active_count);
+    c->work_done += c->count;
     if (farthest < c->count) {
         drop(c, farthest);
         return true;

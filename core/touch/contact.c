@@ -4,7 +4,6 @@
 #include "core/base/linalg.h"
 
 #define PENETRATION_MIN 2e-5f /* violation that lets a candidate in, over the tool's size */
-#define REFACTOR_AFTER 64u    /* changes of the factor before it is made afresh */
 
 /* g lambda at a candidate */
 float palp_contact_indentation(const palp_contact *contact, uint32_t candidate) {
@@ -77,7 +76,7 @@ bool palp_contact_let_in(palp_contact *contact, uint32_t candidate) {
 /* Every so often the factor is made afresh, so that rounding in its updates does not build up. */
 static void refactor(palp_contact *c) {
     uint32_t n = c->active_count;
-    if (c->changes < REFACTOR_AFTER) return;
+    if (c->changes < PALP_CONTACT_REFACTOR) return;
     c->active_count = 0;
     c->changes = 0;
     for (uint32_t a = 0; a < n; a++) {
@@ -191,7 +190,7 @@ static uint32_t most_violated(palp_contact *c) {
         most = missing;
         best = i;
     }
-    c->work_done += (uint64_t)c->count * (2u * c->active_count + 6u);
+    c->work_done += (uint64_t)(c->count - c->active_count) * 2u * c->active_count + 6u * c->count;
     return best;
 }
 

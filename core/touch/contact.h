@@ -55,6 +55,8 @@ typedef struct {
 #define PALP_CONTACT_WALK 24u /* candidates whose neighbours are, in turn */
 #define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u, false})
 
+#define PALP_CONTACT_REFACTOR 64u /* changes of the factor before it is made afresh */
+
 #define PALP_CONTACT_PIVOTS_SPENT 1u /* stopped before the complementarity conditions held */
 #define PALP_CONTACT_ACTIVE_FULL 2u  /* more candidates wanted in than max_active */
 #define PALP_CONTACT_CANDIDATES_FULL 4u

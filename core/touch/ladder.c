@@ -326,7 +326,7 @@ static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
             unmark(&to->scratch, i);
         }
     }
-    to->work_done += 8u * slots;
+    to->work_done += slots / 4u;
     return found;
 }
 

@@ -155,14 +155,18 @@ void palp_assembly_settle(palp_assembly *assembly) {
     share_out(a);
 }
 
-float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level) {
+float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices *price,
+                                uint32_t level) {
     const palp_assembly *a = assembly;
     float modes = 0.0f;
     for (uint32_t i = 0; i < a->zones->meta->zones;
          i++) /* mismatch of each seam, product, shares */
         modes += (float)a->zones->zone[i].modes * (float)a->zones->part[i].seams;
-    return (1.0f + (float)PALP_ASSEMBLY_ITERATIONS) * palp_seams_cost_solve(&a->seams, level) +
-           (9.0f * PALP_AFFINE_MODES + 40.0f) * modes;
+    return (1.0f + (float)PALP_ASSEMBLY_ITERATIONS) *
+               palp_seams_cost_solve(&a->seams, price, level) +
+           ((float)PALP_AFFINE_MODES * price->of[PALP_WORK_PLACE_MODE] +
+            price->of[PALP_WORK_PLACE]) *
+               modes;
 }
 
 void palp_assembly_relax(palp_assembly *assembly, float share) {

@@ -61,7 +61,8 @@ float palp_assembly_drift(const palp_assembly *assembly);
  * the factor's, PALP_ASSEMBLY_ITERATIONS of conjugate gradients. Then each zone's share of them.
  */
 void palp_assembly_settle(palp_assembly *assembly);
-float palp_assembly_cost_settle(const palp_assembly *assembly, uint32_t level);
+float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices *price,
+                                uint32_t level);
 
 /* Lets what a change of level held back fade; share 0..1. */
 void palp_assembly_relax(palp_assembly *assembly, float share);

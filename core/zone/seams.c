@@ -354,16 +354,19 @@ void palp_seams_solve(palp_seams *seams, float *x) {
 
 /* ---- costs ---- */
 
+#define PRICE(kind) (price->of[PALP_WORK_##kind])
+
 /* Assembling row s: both zones' part of the diagonal block, turned, and up to two shared zones in
  * each other one; eliminating it. */
-static float cost_row(const palp_seams *q, uint32_t s, uint32_t level) {
-    float n = (float)unknowns(q, s, level), sum = 16.0f * n * n;
+static float cost_row(const palp_seams *q, const palp_prices *price, uint32_t s, uint32_t level) {
+    float n = (float)unknowns(q, s, level), entries = n * n;
     for (uint32_t k = 0; k < q->link[s].count; k++)
-        sum += 15.0f * n * (float)unknowns(q, q->link[s].other[k], level);
-    return sum;
+        entries += n * (float)unknowns(q, q->link[s].other[k], level);
+    return PRICE(SEAM) + PRICE(SEAM_TURN) * entries;
 }
 
-static float cost_eliminate(const palp_seams *q, uint32_t s, uint32_t level) {
+static float cost_eliminate(const palp_seams *q, const palp_prices *price, uint32_t s,
+                            uint32_t level) {
     float n = (float)unknowns(q, s, level), sum = n * n * n / 6.0f + 2.0f * n * n;
     for (uint32_t k = 0; k < q->link[s].count && level != PALP_DIAGONAL; k++) {
         float m = (float)unknowns(q, q->link[s].other[k], level);
@@ -371,41 +374,43 @@ static float cost_eliminate(const palp_seams *q, uint32_t s, uint32_t level) {
         for (uint32_t i = k; i < q->link[s].count; i++)
             sum += n * m * (float)unknowns(q, q->link[s].other[i], level);
     }
-    return sum;
+    return PRICE(SEAM) + PRICE(SEAM_PRODUCT) * sum;
 }
 
-float palp_seams_cost_factor(const palp_seams *seams, uint32_t level) {
+float palp_seams_cost_factor(const palp_seams *seams, const palp_prices *price, uint32_t level) {
     float sum = 0.0f;
     for (uint32_t s = 0; s < seams->zones->meta->seams; s++) {
-        sum += cost_eliminate(seams, s, level);
-        if (level != PALP_DIAGONAL) sum += cost_row(seams, s, level);
+        sum += cost_eliminate(seams, price, s, level);
+        if (level != PALP_DIAGONAL) sum += cost_row(seams, price, s, level);
     }
     return sum;
 }
 
-float palp_seams_cost_step(const palp_seams *seams, uint32_t level) {
+float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, uint32_t level) {
     float most = 0.0f;
     for (uint32_t s = 0; s < seams->zones->meta->seams; s++)
-        most = palp_max(most, palp_max(cost_row(seams, s, level), cost_eliminate(seams, s, level)));
+        most = palp_max(most, palp_max(cost_row(seams, price, s, level),
+                                       cost_eliminate(seams, price, s, level)));
     return most;
 }
 
-float palp_seams_cost_solve(const palp_seams *seams, uint32_t level) {
+float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level) {
     const palp_seams *q = seams;
-    float sum = 40.0f * (float)q->modes;
+    float products = 0.0f;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         float n = (float)unknowns(q, s, level);
-        sum += n * n;
+        products += n * n;
         for (uint32_t k = 0; k < q->link[s].count; k++)
-            sum += 2.0f * n * (float)unknowns(q, q->link[s].other[k], level);
+            products += 2.0f * n * (float)unknowns(q, q->link[s].other[k], level);
     }
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
         float n = 0.0f;
         for (uint32_t k = 0; k < part->seams; k++) n += (float)unknowns(q, part->seam[k], level);
-        sum += n * n + 30.0f * n;
+        products += n * n + 30.0f * n;
     }
-    return sum;
+    return PRICE(SEAM) * (float)q->zones->meta->seams + PRICE(SEAM_MODE) * (float)q->modes +
+           PRICE(SEAM_DOT) * products;
 }
 
 /* ---- opening ---- */

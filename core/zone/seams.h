@@ -25,6 +25,7 @@
 #ifndef PALP_ZONE_SEAMS_H
 #define PALP_ZONE_SEAMS_H
 
+#include "core/base/price.h"
 #include "core/base/arena.h"
 #include "core/zone/posture.h"
 
@@ -95,11 +96,17 @@ bool palp_seams_take(palp_seams *seams);
 /* All of that. Errors: NOT_SPD, the factor in use then stays. */
 palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level);
 
-/* Multiply-adds of all steps on `level`, and of the longest one, at most. */
-float palp_seams_cost_factor(const palp_seams *seams, uint32_t level);
-float palp_seams_cost_step(const palp_seams *seams, uint32_t level);
-/* Of one solve on it, one matrix product included. */
-float palp_seams_cost_solve(const palp_seams *seams, uint32_t level);
+/*
+ * What all steps on `level` cost at most, and the longest one, in the unit of the prices (names of
+ * prices in capitals). A row of blocks: SEAM + N (N + sum of the partners' N) SEAM_TURN; a seam
+ * eliminated: SEAM + (N^3 / 6 + 2 N^2 + sum over partners N m (N / 2 + 1) + sum over pairs of them
+ * N m m') SEAM_PRODUCT.
+ */
+float palp_seams_cost_factor(const palp_seams *seams, const palp_prices *price, uint32_t level);
+float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, uint32_t level);
+/* Of one solve on it, one matrix product included: seams SEAM + modes SEAM_MODE + (sum N^2 + 2 N m
+ * over links + sum over zones M (M + 30)) SEAM_DOT. */
+float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level);
 
 /* r := - sum T K g: what the mismatch of the posture asks for. `level` bounds the modes. */
 void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_t level, float *r);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The controller daemon: opens a blob, a device and a bus, starts the real-time loop, and looks
  * after what it publishes: log, report, telemetry. */
-#include "calibrate.h"
 #include "core/base/crc32c.h"
 #include "core/palp.h"
 #include "loop.h"
@@ -12,6 +11,7 @@
 #include "telemetry.h"
 #include "tools/args.h"
 #include "tools/commands.h"
+#include "tools/calibrate.h"
 #include "tools/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -389,13 +389,18 @@ int main(int argc, char **argv) {
                                 .placement = touch.placement,
                                 .limits = PALP_CONTACT_DEFAULTS,
                                 .tool = palp_tool_sphere(touch.tool_radius_m),
-                                .cost = {.ns_per_operation = LOCKSTEP_NS, .margin = TICK_SHARE},
+                                .cost = {.target = &palp_target_counted,
+                                         .ns_per_instruction = LOCKSTEP_NS,
+                                         .margin = TICK_SHARE},
                                 .port = {.now_ns = loop_clock, .context = loop},
                                 .resume = s.resume};
     config.tool.friction = (float)s.friction;
     config.limits.friction = s.friction > 0;
-    if (!s.lockstep)
-        config.cost.ns_per_operation = calibrate(&blob, config.limits, &config.tool, touch.node);
+    machine speed;
+    if (!s.lockstep) {
+        calibrate(&speed, &blob, config.limits, &config.tool, touch.node);
+        config.cost = machine_table(&speed, TICK_SHARE);
+    }
     loop->servo = open_servo(&blob, &config);
     loop->rate_hz = s.rate_hz;
     loop->ticks = (uint64_t)(s.seconds * s.rate_hz + 0.5);
@@ -423,10 +428,10 @@ int main(int argc, char **argv) {
     if (s.dds) f.telemetry = telemetry_open(&file.device);
     if (s.log != NULL) log_session(log.file, &s, &config);
     printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
-           ", scale %.4g, coupling %.4g N/m, %.3g ns per operation\n",
+           ", scale %.4g, coupling %.4g N/m, %.3g ns per instruction\n",
            s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
            (double)touch.placement.scale, (double)palp_device_coupling(&file.device),
-           (double)config.cost.ns_per_operation);
+           (double)config.cost.ns_per_instruction);
     fflush(stdout);
     running = loop;
     handle_signals();

@@ -52,7 +52,7 @@ static void move_zones(const char *path) {
                                   .tools = &tool,
                                   .tool_count = 1,
                                   .limits = {24, 12, 4, 12, false},
-                                  .cost = {1.0f, 0.95f},
+                                  .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
                                   .port = {.now_ns = work_clock},
                                   .dt_s = 1e-3f};
     room = palp_bounded_memsize_zones(&zones, 4, config.limits);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Preloaded into palpd: counts what the loop's thread allocates and frees, and says so at the end. */
+/* Preloaded into palpd: counts what the loop's thread allocates and frees, and says so at the end.
+ */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <pthread.h>
@@ -12,8 +13,10 @@ static unsigned long in_loop, elsewhere;
 static void count(void) {
     char name[16] = "";
     prctl(PR_GET_NAME, name);
-    if (strcmp(name, "palp-loop") == 0) __atomic_add_fetch(&in_loop, 1, __ATOMIC_RELAXED);
-    else __atomic_add_fetch(&elsewhere, 1, __ATOMIC_RELAXED);
+    if (strcmp(name, "palp-loop") == 0)
+        __atomic_add_fetch(&in_loop, 1, __ATOMIC_RELAXED);
+    else
+        __atomic_add_fetch(&elsewhere, 1, __ATOMIC_RELAXED);
 }
 
 extern void *__libc_malloc(size_t), *__libc_calloc(size_t, size_t), *__libc_realloc(void *, size_t);

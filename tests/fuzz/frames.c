@@ -107,7 +107,7 @@ static void warm_up(uint32_t which, bool resume) {
     palp_servo_config config = {.device = files[which].device,
                                 .placement = touches[which].placement,
                                 .limits = PALP_CONTACT_DEFAULTS,
-                                .cost = {.ns_per_operation = 0.5f, .margin = 0.8f},
+                                .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
                                 .tool = palp_tool_sphere(touches[which].tool_radius_m),
                                 .port = {.now_ns = clock_ns, .context = &now},
                                 .resume = resume};

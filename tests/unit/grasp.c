@@ -326,14 +326,15 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
     work_clock clock = {.b = b};
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    palp_bounded_config config = {
-        .assembly = a,
-        .tools = &tool,
-        .tool_count = 1,
-        .limits = {24, 12, 4, 12, false},
-        .cost = {.ns_per_operation = 1.0f, .margin = (float)(budget_us / 1000)},
-        .port = {.now_ns = now_ns, .context = &clock},
-        .dt_s = 1e-3f};
+    palp_bounded_config config = {.assembly = a,
+                                  .tools = &tool,
+                                  .tool_count = 1,
+                                  .limits = {24, 12, 4, 12, false},
+                                  .cost = {.target = &palp_target_counted,
+                                           .ns_per_instruction = 1.0f,
+                                           .margin = (float)(budget_us / 1000)},
+                                  .port = {.now_ns = now_ns, .context = &clock},
+                                  .dt_s = 1e-3f};
     size_t bytes = palp_bounded_memsize_zones(model->zones, finest, config.limits);
     float bound = 0;
     palp_status status = palp_bounded_init(b, &config, allocate_aligned(bytes, 1), bytes, &bound);

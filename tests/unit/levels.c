@@ -221,7 +221,7 @@ static press_result press(const palp_blob *blob, const palp_tool *tool, float ab
                                   .tools = tool,
                                   .tool_count = 1,
                                   .limits = limits,
-                                  .cost = {(float)ns, 0.8f},
+                                  .cost = {&palp_target_counted, (float)ns, 0.0f, 0.8f},
                                   .port = {by_work, &clock},
                                   .dt_s = 0.001f};
     size_t bytes = palp_bounded_memsize(blob, config.limits);

@@ -53,7 +53,9 @@ static poked *open_poked(const lively *b, palp_material material, float ns_per_o
                              .tool_count = 1,
                              .max_spots = 64,
                              .most_class = PALP_STEP_CLASSES - 1,
-                             .cost = {.ns_per_operation = ns_per_operation, .margin = 0.8f},
+                             .cost = {.target = &palp_target_counted,
+                                      .ns_per_instruction = ns_per_operation,
+                                      .margin = 0.8f},
                              .port = {.now_ns = no_time},
                              .tick_s = 1 / RATE,
                              .uniform = uniform};
@@ -63,6 +65,11 @@ static poked *open_poked(const lively *b, palp_material material, float ns_per_o
         palp_dynamic_init(&p->body, &c, &at, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (s != PALP_OK) die(EXIT_WORK, "%s: %g ns", palp_status_text(s), (double)bound_ns);
     return p;
+}
+
+static void set_speed(poked *p, float ns_per_instruction) {
+    p->body.config.cost.ns_per_instruction = ns_per_instruction;
+    p->body.price = palp_prices_of(&p->body.config.cost);
 }
 
 static void compare(void) {
@@ -155,25 +162,24 @@ static void check_violence(double lambda, double mu, int ticks) {
         if (k % 50 == 0) { /* another place, perhaps far away at once; another budget */
             at = (palp_vec3){0.07f * (float)tap_random(&seed), 0.05f * (float)tap_random(&seed),
                              0.05f * (float)tap_random(&seed)};
-            p->body.config.cost.ns_per_operation =
-                0.05f * (float)pow(10, 0.65 + 0.65 * tap_random(&seed));
+            set_speed(p, 0.05f * (float)pow(10, 0.65 + 0.65 * tap_random(&seed)));
         } else { /* or up to 5 mm a tick, 5 m/s */
             at.x += 0.003f * (float)tap_random(&seed);
             at.y += 0.003f * (float)tap_random(&seed);
             at.z += 0.003f * (float)tap_random(&seed);
         }
         late_ns = k % 97 == 0 ? 750000 : 0;
-        float ns = p->body.config.cost.ns_per_operation;
+        float ns = p->body.config.cost.ns_per_instruction;
         palp_dynamic_tick(&p->body, 0, &at, &force, &r);
-        /* by the counters of what was done, at the prices of dynamic.h */
+        /* by the counters of what was done, at the prices of counted.c */
         const palp_dyna *d = &p->body.dyna;
         double done = 210 * (double)(d->evaluations - evaluations) +
                       45 * (double)(d->moves - moves) + 24 * 4 * (double)(d->followed - followed);
         evaluations = d->evaluations;
         moves = d->moves;
         followed = d->followed;
-        beyond += r.bound * ns > 800001.0f - (float)late_ns ||
-                  done * (double)ns > 800001 - (double)late_ns;
+        beyond +=
+            r.bound_ns > 800001.0f - (float)late_ns || done * (double)ns > 800001 - (double)late_ns;
         capped += r.adapt.refused > 0;
         coasted += r.coasted;
         short_ticks += r.shortened;
@@ -185,7 +191,7 @@ static void check_violence(double lambda, double mu, int ticks) {
     }
     at.z = 1;
     late_ns = 0;
-    p->body.config.cost.ns_per_operation = 0.05f;
+    set_speed(p, 0.05f);
     double wave = sqrt(mu / 1000), rest = (double)p->body.dyna.stored_J;
     int calm = (int)(20000 + 300 / wave);
     for (int k = 0; k < calm; k++) {

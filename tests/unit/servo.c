@@ -248,12 +248,12 @@ static void test_budget(void) {
     size_t bytes = palp_servo_memsize(&body.blob, config.limits);
     void *memory = allocate_aligned(bytes, 1);
     float bound_ns = 0;
-    config.cost.ns_per_operation = 50;
+    config.cost.ns_per_instruction = 50;
     CHECK(palp_servo_open(&r.servo, &body.blob, &config, memory, bytes, &bound_ns) ==
               PALP_ERR_BUDGET,
           "a machine 100 times slower is refused at open");
     CHECK(bound_ns > 0.8e6f, "and told that it would take %.0f us", (double)bound_ns * 1e-3);
-    config.cost.ns_per_operation = 0.5f;
+    config.cost.ns_per_instruction = 0.5f;
     CHECK(palp_servo_open(&r.servo, &body.blob, &config, memory, bytes - 1, NULL) ==
               PALP_ERR_MEMORY,
           "one byte too few is refused");

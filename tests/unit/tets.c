@@ -92,16 +92,17 @@ static uint64_t no_time(void *context) {
 /* Some ticks with a ball that goes through it all. */
 static void use(const palp_tets *t) {
     const palp_tool ball = palp_tool_sphere(0.02f);
-    const palp_dynamic_config c = {.tets = t,
-                                   .material = palp_material_of(1e4f, 0.4f, 1000, 1e-4f, 1),
-                                   .adapt = palp_adapt_defaults(t),
-                                   .tools = &ball,
-                                   .tool_count = 1,
-                                   .max_spots = 16,
-                                   .most_class = 3,
-                                   .cost = {.ns_per_operation = 0.1f, .margin = 0.9f},
-                                   .port = {.now_ns = no_time},
-                                   .tick_s = 1e-3f};
+    const palp_dynamic_config c = {
+        .tets = t,
+        .material = palp_material_of(1e4f, 0.4f, 1000, 1e-4f, 1),
+        .adapt = palp_adapt_defaults(t),
+        .tools = &ball,
+        .tool_count = 1,
+        .max_spots = 16,
+        .most_class = 3,
+        .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.1f, .margin = 0.9f},
+        .port = {.now_ns = no_time},
+        .tick_s = 1e-3f};
     palp_dynamic *d = allocate(1, sizeof *d);
     size_t bytes = palp_dynamic_memsize(t, 16);
     void *memory = allocate_aligned(bytes + 1, 1);

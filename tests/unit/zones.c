@@ -564,7 +564,8 @@ static void test_cost(void) {
         pose(a, value, 5);
         double work = (double)(a->seams.work_done - before);
         per_seam[i] = work / (zones[i] - 1);
-        float bound = palp_seams_cost_factor(&a->seams, 5) + palp_assembly_cost_settle(a, 5);
+        float bound = palp_seams_cost_factor(&a->seams, &palp_target_counted.instructions, 5) +
+                      palp_assembly_cost_settle(a, &palp_target_counted.instructions, 5);
         printf("# %2u zones: %.0f multiply-adds for a new posture, %.0f per seam, bound %.0f\n",
                zones[i], work, per_seam[i], (double)bound);
         CHECK(work <= (double)bound, "within the bound for %u zones", zones[i]);

@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What work costs. The bound of every operation is a sum of named counts (candidates, nodes in
+ * contact, elements due ...) times what one of each kind of work costs: the `cost` headers beside
+ * the operations give the sums, and these prices the rest. The same sums are instructions on a
+ * target, bytes touched, or nanoseconds, by the prices that they are given (servo/target.h).
+ */
+#ifndef PALP_BASE_PRICE_H
+#define PALP_BASE_PRICE_H
+
+/* X(NAME, name in tables, what one of it is) */
+#define PALP_WORK_LIST(X)                                                                          \
+    X(BALL, "ball", "one ball of a tool evaluated at a node")                                      \
+    X(PAD, "pad", "a pad evaluated")                                                               \
+    X(CYLINDER, "cylinder", "a cylinder evaluated")                                                \
+    X(SEARCH, "search", "a search begun and ended")                                                \
+    X(NEAREST, "nearest", "a nearest node sought")                                                 \
+    X(CELL, "cell", "one node met while it is sought")                                             \
+    X(CANDIDATE, "candidate", "one candidate looked over by a search")                             \
+    X(NEIGHBOUR, "neighbour", "one neighbour or slot proposed")                                    \
+    X(SIFT, "sift", "it held against one of those listed")                                         \
+    X(CHILD, "child", "one child of a slot passed")                                                \
+    X(IDLE, "idle", "an idle candidate against one in contact")                                    \
+    X(FORCE, "force", "a tool against one in contact")                                             \
+    X(DROP, "drop", "a candidate dropped")                                                         \
+    X(MOVE, "move", "one of its compliances moved")                                                \
+    X(MOVE_BLOCK, "move_block", "the same in full, for friction")                                  \
+    X(ADMIT, "admit", "a candidate taken in")                                                      \
+    X(ROOM, "room", "one candidate looked at to make room")                                        \
+    X(PAIR, "pair", "one compliance looked up")                                                    \
+    X(PAIR_BLOCK, "pair_block", "kept in full, for friction")                                      \
+    X(HAT, "hat", "one more look-up below a hat")                                                  \
+    X(ROW, "row", "a row of W^-1 begun")                                                           \
+    X(ROW_WORD, "row_word", "one word of marks scanned")                                           \
+    X(ROW_MARK, "row_mark", "one marked slot visited")                                             \
+    X(ROW_CHILD, "row_child", "one child of it visited")                                           \
+    X(EXTRACT, "extract", "an extraction begun")                                                   \
+    X(EXTRACT_ENTRY, "extract_entry", "one entry of the row in it")                                \
+    X(EXTRACT_SKIP, "extract_skip", "one index of the column passed")                              \
+    X(BEGIN, "begin", "a contact solve begun")                                                     \
+    X(TARGET, "target", "one candidate linearised")                                                \
+    X(PIVOT, "pivot", "an active set step")                                                        \
+    X(ACTIVE, "active", "one in contact in it")                                                    \
+    X(SPRING, "spring", "one axis of a tool's spring in it")                                       \
+    X(SUBSTITUTE, "substitute", "one row of a triangular solve")                                   \
+    X(AXPY, "axpy", "one entry of it, side by side")                                               \
+    X(DOT, "dot", "one entry of a sum in order")                                                   \
+    X(CHOICE, "choice", "one candidate looked at for the most violated")                           \
+    X(GATHER, "gather", "one compliance gathered for the factor")                                  \
+    X(ROTATION, "rotation", "one Givens rotation begun")                                           \
+    X(ROTATE, "rotate", "one pair of entries rotated or shifted")                                  \
+    X(COUPLE, "couple", "a tool's spring in one solve")                                            \
+    X(LEAVE, "leave", "a tool's spring in one tick")                                               \
+    X(FRICTION, "friction", "friction of a tool in one tick")                                      \
+    X(FRICTION_PAIR, "friction_pair", "one pair in contact in it")                                 \
+    X(CHANGE, "change", "a change of the constraint level")                                        \
+    X(CARRY, "carry", "one force carried from level to level")                                     \
+    X(MARK_WORD, "mark_word", "one word of marks scanned for them")                                \
+    X(TICK, "tick", "a bounded tick, its end and its report")                                      \
+    X(QUANTUM, "quantum", "a look at the clock and what it decides")                               \
+    X(ADD, "add", "a column added to the details")                                                 \
+    X(ADD_GROUP, "add_group", "eight blocks of it")                                                \
+    X(ADD_HALF, "add_half", "the same stored in halves")                                           \
+    X(EXTRACT_HALF, "extract_half", "one entry of an extraction from halves")                      \
+    X(TRANSFORM, "transform", "one level of an inverse transform begun")                           \
+    X(TRANSFORM_SLOT, "transform_slot", "one slot of it")                                          \
+    X(TRANSFORM_TERM, "transform_term", "one parent or child of it")                               \
+    X(SEAM, "seam", "one seam visited")                                                            \
+    X(SEAM_MODE, "seam_mode", "one unknown of a seam in a vector")                                 \
+    X(SEAM_DOT, "seam_dot", "one product of a seam's row in order")                                \
+    X(SEAM_TURN, "seam_turn", "one entry of a block turned and put in place")                      \
+    X(SEAM_PRODUCT, "seam_product", "one entry of a block eliminated")                             \
+    X(PLACE, "place", "where a node of a zone is")                                                 \
+    X(PLACE_MODE, "place_mode", "one mode of its seams in that")                                   \
+    X(ELEMENT, "element", "one element evaluated")                                                 \
+    X(NODE_STEP, "node_step", "one node in one step")                                              \
+    X(SOURCE, "source", "one source of an interface node")                                         \
+    X(SPOT, "spot", "one close look of a tool")                                                    \
+    X(SPOT_STEP, "spot_step", "one spot in one step")                                              \
+    X(SKIN, "skin", "one skin vertex looked at")                                                   \
+    X(SKIN_TOOL, "skin_tool", "by each tool")                                                      \
+    X(NODE_TICK, "node_tick", "one node in one tick")                                              \
+    X(LIST_NODE, "list_node", "one node listed anew")                                              \
+    X(LIST_TET, "list_tet", "one tetrahedron listed anew")                                         \
+    X(LIST_SKIN, "list_skin", "one skin vertex hung anew")                                         \
+    X(FAMILY, "family", "one family weighed")                                                      \
+    X(LOOK, "look", "one look of adaptivity")                                                      \
+    X(SERVO, "servo", "a servo tick without frames and contact")                                   \
+    X(FRAME, "frame", "one frame received")                                                        \
+    X(AXIS, "axis", "one axis heard and spoken to")
+
+#define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,
+typedef enum { PALP_WORK_LIST(PALP_WORK_NAME) PALP_WORKS } palp_work;
+#undef PALP_WORK_NAME
+
+/* Of one of each kind of work. */
+typedef struct {
+    float of[PALP_WORKS];
+} palp_prices;
+
+#endif

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT */
+#include "cost.h"
+
+#define PRICE(kind) (price->of[PALP_WORK_##kind])
+
+float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t entries) {
+    const palp_domain *d = &blob->domain[PALP_FREE];
+    float levels = (float)blob->meta->levels, marked = (float)entries;
+    float children = d->slots > 0u ? (float)d->child_offset[d->slots] / (float)d->slots : 0.0f;
+    return PRICE(ROW) +
+           3.0f * levels * ((float)d->slots / 32.0f * PRICE(ROW_WORD) + marked * PRICE(ROW_MARK)) +
+           0.5f * levels * marked * children * PRICE(ROW_CHILD);
+}
+
+float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_t entries,
+                        uint32_t groups) {
+    bool half = blob->level[blob->meta->constraint_level].columns.half != NULL;
+    float entry = PRICE(EXTRACT_ENTRY) + (half ? PRICE(EXTRACT_HALF) : 0.0f);
+    return PRICE(EXTRACT) + (float)entries * entry +
+           (float)(groups * PALP_LANES) * PRICE(EXTRACT_SKIP);
+}
+
+float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t groups) {
+    bool half = blob->level[blob->meta->constraint_level].columns.half != NULL;
+    float group = PRICE(ADD_GROUP) + (half ? PRICE(ADD_HALF) : 0.0f);
+    return PRICE(ADD) + (float)groups * group;
+}
+
+float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_t level) {
+    const palp_domain *d = &blob->domain[PALP_FREE];
+    float slots = 0.0f, terms = 0.0f;
+    for (uint32_t l = 1; l <= level && l < d->levels; l++) {
+        slots += (float)d->level_start[l + 1u];
+        terms += 2.0f * (float)(d->level_start[l + 1u] - d->level_start[l]) +
+                 (float)d->child_offset[d->level_start[l]];
+    }
+    return (float)level * PRICE(TRANSFORM) + slots * PRICE(TRANSFORM_SLOT) +
+           terms * PRICE(TRANSFORM_TERM);
+}

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What the operations of this folder cost at most, in the unit of the prices given (base/price.h);
+ * names of prices in capitals.
+ */
+#ifndef PALP_GREEN_COST_H
+#define PALP_GREEN_COST_H
+
+#include "core/base/price.h"
+#include "core/blob/blob.h"
+
+/* palp_wavelet_row, palp_basis_row with up to `entries` marks: ROW + 3 levels (words ROW_WORD +
+ * entries ROW_MARK) + levels entries children ROW_CHILD / 2. */
+float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t entries);
+
+/* palp_columns_extract, a row of `entries` with a column of `groups`: EXTRACT + entries
+ * EXTRACT_ENTRY (from halves + EXTRACT_HALF) + 8 groups EXTRACT_SKIP. */
+float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_t entries,
+                        uint32_t groups);
+
+/* palp_columns_add: ADD + groups (ADD_GROUP, from halves + ADD_HALF). */
+float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t groups);
+
+/* palp_wavelet_inverse up to `level`: of each level TRANSFORM + the slots up to it TRANSFORM_SLOT +
+ * (2 per odd slot + the children of all below) TRANSFORM_TERM. */
+float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_t level);
+
+#endif

@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: MIT */
+#include "calibrate.h"
+#include "util.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define ROUNDS 5
+#define STEPS 64
+#define COLD_BYTES (64u << 20) /* beyond the last cache of what haptics runs on */
+
+static double clock_ns(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
+
+static int compare(const void *a, const void *b) {
+    double p = *(const double *)a, q = *(const double *)b;
+    return (p > q) - (p < q);
+}
+
+/* Interrupted samples are not the machine's speed: the 90th percentile leaves them out. */
+static double typical(double *sample, size_t count) {
+    qsort(sample, count, sizeof *sample, compare);
+    return count > 0 ? sample[(size_t)(0.9 * (double)(count - 1))] : 0;
+}
+
+/* One press of the tool, sunk in step by step: ns per unit of the bound, of each admission and of
+ * each solve. */
+typedef struct {
+    palp_contact contact;
+    palp_touch_cost instructions, bytes;
+    palp_fresh *fresh;
+    const palp_tool *tool;
+    palp_vec3 x, n;
+    palp_rung rung;
+    uint8_t *other; /* what caches are filled with */
+    double *admit, *solve;
+    size_t admits, solves, most;
+} bench;
+
+static void chill(bench *b) {
+    for (size_t i = 0; b->other != NULL && i < COLD_BYTES; i += 64) b->other[i]++;
+}
+
+/* Time beyond the bound of instructions at `ns_per_instruction`, over the bytes; or, when that is
+ * 0, over the instructions. */
+static double share(double ns, double instructions, double bytes, double ns_per_instruction) {
+    if (ns_per_instruction > 0) return fmax(ns - instructions * ns_per_instruction, 0) / bytes;
+    return ns / instructions;
+}
+
+static void press(bench *b, double ns_per_instruction) {
+    float size = palp_tool_size(b->tool);
+    palp_contact *c = &b->contact;
+    palp_contact_clear(c, b->rung.level);
+    for (int step = 0; step < STEPS; step++) {
+        palp_vec3 center = palp_madd(b->x, size * (1.0f - 0.01f * (float)step), b->n);
+        uint32_t count = palp_contact_search(c, &center, b->fresh);
+        for (uint32_t i = 0; i < count; i++) {
+            uint32_t k = c->count, n = c->active_count;
+            chill(b);
+            double start = clock_ns();
+            palp_contact_admit(c, b->fresh[i]);
+            double ns = clock_ns() - start;
+            if (b->admits == b->most) continue;
+            b->admit[b->admits++] =
+                share(ns, (double)palp_cost_admit(&b->instructions, b->rung, k, n),
+                      (double)palp_cost_admit(&b->bytes, b->rung, k, n), ns_per_instruction);
+        }
+        palp_grip grip = {.held_m = center, .stiffness_N_per_m = 1000.0f};
+        chill(b);
+        double start = clock_ns();
+        (void)palp_contact_solve(c, center, grip);
+        double ns = clock_ns() - start, instructions, bytes;
+        float pivots = (float)c->pivots;
+        instructions =
+            (double)(palp_cost_begin(&b->instructions, c->count) +
+                     pivots * palp_cost_pivot(&b->instructions, c->count, c->active_count));
+        bytes = (double)(palp_cost_begin(&b->bytes, c->count) +
+                         palp_cost_pivot(&b->bytes, c->count, c->active_count));
+        if (b->solves < b->most)
+            b->solve[b->solves++] = share(ns, instructions, bytes, ns_per_instruction);
+    }
+}
+
+static double slowest(bench *b, int rounds, double ns_per_instruction) {
+    b->admits = b->solves = 0;
+    for (int round = 0; round < rounds; round++) press(b, ns_per_instruction);
+    return fmax(typical(b->admit, b->admits), typical(b->solve, b->solves));
+}
+
+void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+               uint32_t node) {
+    const palp_target *target = machine_of_this_build();
+    uint32_t level = blob->meta->constraint_level;
+    machine_find(m, target != NULL ? target->name : palp_target_counted.name);
+    bench b = {.instructions = palp_touch_cost_of(blob, limits, tool, 1, &m->target.instructions),
+               .bytes = palp_touch_cost_of(blob, limits, tool, 1, &palp_bytes_touched),
+               .fresh = allocate(limits.max_candidates, sizeof *b.fresh),
+               .tool = tool,
+               .x = palp_vec3_at(blob->rest_m + 3 * node),
+               .n = palp_vec3_at(blob->normal + 3 * node),
+               .rung = {level, level},
+               .most = ROUNDS * STEPS * (size_t)limits.max_candidates};
+    b.admit = allocate(b.most, sizeof *b.admit);
+    b.solve = allocate(b.most, sizeof *b.solve);
+    size_t bytes = palp_contact_memsize(blob, limits);
+    void *memory = allocate_aligned(bytes, 1);
+    if (palp_contact_init(&b.contact, blob, blob->rest_m, tool, 1, limits, memory, bytes) !=
+        PALP_OK)
+        die(EXIT_WORK, "the contact limits are unsound");
+    double warm = slowest(&b, ROUNDS, 0);
+    b.other = allocate(COLD_BYTES, 1);
+    double cold = slowest(&b, 1, warm);
+    m->ns_per_instruction = (float)(CALIBRATE_SAFETY * warm);
+    m->ns_per_byte = (float)(CALIBRATE_SAFETY * cold);
+    snprintf(m->basis, sizeof m->basis, "measured here, times %g", CALIBRATE_SAFETY);
+    free(b.other);
+    free(memory);
+    free(b.solve);
+    free(b.admit);
+    free(b.fresh);
+}

@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: MIT */
+/* How fast this machine does what the cost bounds count, measured on the blob that will be felt. */
+#ifndef PALP_TOOLS_CALIBRATE_H
+#define PALP_TOOLS_CALIBRATE_H
+
+#include "machine.h"
+
+/*
+ * The target that this program was built for, with its speed here: time over the bound in
+ * instructions of admissions and solves around `node`, warm, and of the same after the caches were
+ * filled with other data, which gives ns_per_byte. Upper estimates, CALIBRATE_SAFETY times what was
+ * typical of the slowest kind.
+ */
+#define CALIBRATE_SAFETY 2.0
+void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+               uint32_t node);
+
+#endif
