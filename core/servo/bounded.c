@@ -35,12 +35,15 @@ static size_t need_of(const palp_bounded_config *c) {
     return palp_bounded_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
 }
 
-static palp_touch_cost bound_of(const palp_bounded_config *c) {
+static void set_bound(palp_bounded *b) {
+    const palp_bounded_config *c = &b->config;
     palp_prices ns = palp_prices_of(&c->cost);
-    if (c->assembly == NULL)
-        return palp_touch_cost_of(c->blob, c->limits, c->tools, c->tool_count, &ns);
-    return palp_touch_cost_of_zones(c->assembly->zones, c->assembly->seams.finest, c->pairs,
-                                    c->limits, c->tools, c->tool_count, &ns);
+    if (c->assembly == NULL) {
+        b->bound = palp_touch_cost_of(c->blob, c->limits, c->tools, c->tool_count, &ns);
+    } else {
+        b->bound = palp_touch_cost_of_zones(c->assembly->zones, c->assembly->seams.finest, c->pairs,
+                                            c->limits, c->tools, c->tool_count, &ns);
+    }
 }
 
 static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
@@ -58,11 +61,8 @@ static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
 
 palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
                               void *memory, size_t bytes, float *bound_ns) {
-    palp_bounded b = {.config = *config,
-                      .barred = PALP_NONE,
-                      .climb_wait = CLIMB_AFTER,
-                      .since_climb = HELD * CLIMB_LATEST};
     palp_arena arena = {.base = memory};
+    palp_bounded *b = bounded;
     if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     bool positive = config->dt_s > 0.0f && palp_cost_table_is_sound(&config->cost) &&
                     config->port.now_ns != NULL;
@@ -70,19 +70,22 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
         return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < need_of(config)) return PALP_ERR_MEMORY;
-    b.bound = bound_of(config);
-    float least_ns = palp_cost_least(&b.bound, b.config.blob);
-    if (config->assembly != NULL) {
-        palp_moving_costs(&b);
-        least_ns += palp_moving_cost_least(&b, config->limits.max_candidates);
+    *b = (palp_bounded){.config = *config,
+                        .barred = PALP_NONE,
+                        .climb_wait = CLIMB_AFTER,
+                        .since_climb = HELD * CLIMB_LATEST};
+    const palp_assembly *zones = config->assembly;
+    set_bound(b);
+    float least_ns = palp_cost_least(&b->bound, zones != NULL ? zones->zones->blob : config->blob);
+    if (zones != NULL) {
+        palp_moving_costs(b);
+        least_ns += palp_moving_cost_least(b, config->limits.max_candidates);
     }
-    b.tail_ns = palp_cost_tail(&b.bound, config->limits.max_active);
+    b->tail_ns = palp_cost_tail(&b->bound, config->limits.max_active);
     if (bound_ns != NULL) *bound_ns = least_ns;
     if (least_ns > config->cost.margin * NS_PER_S * config->dt_s) return PALP_ERR_BUDGET;
-    b.fresh = palp_take(&arena, config->limits.max_new, sizeof *b.fresh);
-    palp_status status = open_ladder(&b, &arena);
-    if (status == PALP_OK) *bounded = b;
-    return status;
+    b->fresh = palp_take(&arena, config->limits.max_new, sizeof *b->fresh);
+    return open_ladder(b, &arena);
 }
 
 void palp_bounded_reset(palp_bounded *bounded) {

@@ -74,6 +74,7 @@ size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
 /*
  * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer of the coarsest
  * rung does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
+ * After an error *bounded is not to be used.
  */
 palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,
                               void *memory, size_t bytes, float *bound_ns);
