@@ -18,7 +18,7 @@ for layer in base blob green zone touch device; do
 done
 [ -z "$bad" ]; ok $? "dependencies point one way $bad"
 undefined=$(nm -u "$BUILD/libpalp.a" | awk '$1=="U"{print $2}' | sort -u | grep -vE '^(memcpy|memmove|memset|memcmp)$')
-defined=$(nm "$BUILD/libpalp.a" | awk '$2=="T"{print $3}' | sort -u)
+defined=$(nm "$BUILD/libpalp.a" | awk '$2 ~ /^[TR]$/{print $3}' | sort -u)
 outside=$(echo "$undefined" | while read -r s; do echo "$defined" | grep -qx "$s" || echo "$s"; done)
 [ -z "$(echo $outside)" ]; ok $? "the library needs nothing but memcpy, memmove, memset, memcmp $outside"
 data=$(nm "$BUILD/libpalp.a" | awk '$2 ~ /^[bBdDcC]$/')

@@ -41,7 +41,6 @@ const palp_target *machine_of_this_build(void) {
 
 static void take(machine *m, size_t k) {
     m->target = *shipped[k].target;
-    snprintf(m->name, sizeof m->name, "%s", shipped[k].target->name);
     snprintf(m->basis, sizeof m->basis, "%s", shipped[k].basis);
     m->ns_per_instruction = shipped[k].ns_per_instruction;
     m->ns_per_byte = shipped[k].ns_per_byte;
@@ -51,7 +50,7 @@ static void set_value(void *context, const argument *a) {
     machine *m = context;
     const char *key = a->option + 2;
     if (strcmp(key, "name") == 0) {
-        snprintf(m->name, sizeof m->name, "%s", a->value[0]);
+        snprintf(m->target.name, sizeof m->target.name, "%.23s", a->value[0]);
     } else if (strcmp(key, "basis") == 0) {
         m->basis[0] = '\0';
         for (int i = 0; i < a->count; i++) {
@@ -96,7 +95,6 @@ void machine_find(machine *m, const char *name_or_file) {
     for (size_t k = 0; k < SHIPPED; k++) {
         if (strcmp(name_or_file, shipped[k].target->name) != 0) continue;
         take(m, k);
-        m->target.name = m->name;
         return;
     }
     FILE *f = fopen(name_or_file, "r");
@@ -110,9 +108,7 @@ void machine_find(machine *m, const char *name_or_file) {
         die(EXIT_USAGE, "'%s' is neither a file nor a target (%s)", name_or_file, list);
     }
     fclose(f);
-    snprintf(m->name, sizeof m->name, "%.47s", name_or_file);
     read_table(m, name_or_file);
-    m->target.name = m->name;
 }
 
 palp_cost_table machine_table(const machine *m, double margin) {
@@ -123,7 +119,7 @@ void machine_write(FILE *f, const machine *m) {
     fprintf(f,
             "# What work costs on one machine (palp calibrate). Instructions at most, but for "
             "the speed.\nname %s\nbasis %s\nns-per-instruction %.9g\nns-per-byte %.9g\n",
-            m->name, m->basis, (double)m->ns_per_instruction, (double)m->ns_per_byte);
+            m->target.name, m->basis, (double)m->ns_per_instruction, (double)m->ns_per_byte);
     for (palp_work k = 0; k < PALP_WORKS; k++)
         fprintf(f, "%-16s %-10.9g # %s\n", words[k], (double)m->target.instructions.of[k],
                 whats[k]);

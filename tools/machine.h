@@ -8,7 +8,6 @@
 
 typedef struct {
     palp_target target;
-    char name[48];
     float ns_per_instruction, ns_per_byte;
     char basis[96]; /* where the speed comes from */
 } machine;

@@ -11,7 +11,7 @@
 #include "core/base/price.h"
 
 typedef struct {
-    const char *name;
+    char name[24];
     palp_prices instructions;
 } palp_target;
 
