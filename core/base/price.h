@@ -18,6 +18,7 @@
     X(CELL, "cell", "one node met while it is sought")                                             \
     X(CANDIDATE, "candidate", "one candidate looked over by a search")                             \
     X(NEIGHBOUR, "neighbour", "one neighbour or slot proposed")                                    \
+    X(CLOSE, "close", "one close look at it")                                                      \
     X(SIFT, "sift", "it held against one of those listed")                                         \
     X(CHILD, "child", "one child of a slot passed")                                                \
     X(IDLE, "idle", "an idle candidate against one in contact")                                    \

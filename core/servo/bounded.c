@@ -298,7 +298,7 @@ void palp_bounded_spare(palp_bounded *bounded) {
         palp_contact_admit(next, b->fresh[i]);
     }
     uint32_t now = palp_ladder_contact(l)->active_count;
-    float change = palp_cost_change(&b->bound, finer, next->count, now);
+    float change = palp_cost_climb(&b->bound, finer, next->count, now);
     if (missing > 0u || change > palp_bounded_left_ns(b)) return;
     if (palp_ladder_climb(l, tool_m)) b->since_climb = 0;
 }

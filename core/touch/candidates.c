@@ -134,6 +134,12 @@ static uint32_t evaluation(const palp_contact *c, uint32_t tool) {
 
 static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
 
+/* The level on which a slot that the tool sees like this would be taken. */
+static uint32_t level_at(const palp_contact *c, uint32_t slot, float reach) {
+    if (!is_mixed(c) || reach <= c->zone) return c->level;
+    return slot < c->blob->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
+}
+
 uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint32_t tool) {
     const palp_contact *c = contact;
     const palp_blob *b = c->blob;
@@ -142,8 +148,7 @@ uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint3
     uint32_t node = b->domain[PALP_FREE].node[slot];
     palp_touch at = palp_tool_at(&c->tools[tool], c->about[tool], palp_contact_place(c, 0, node),
                                  palp_contact_normal(c, 0, node));
-    if (at.reach <= c->zone) return c->level;
-    return slot < b->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
+    return level_at(c, slot, at.reach);
 }
 
 /* ---- search ---- */
@@ -218,7 +223,7 @@ typedef struct {
     const palp_vec3 *center;
     palp_fresh *fresh;
     float depth[PALP_MAX_CANDIDATES];
-    uint32_t found;
+    uint32_t found, looks; /* listed; close looks left */
 } proposals;
 
 /* Keeps the `max_new` deepest proposals, deepest first. */
@@ -242,14 +247,23 @@ static bool gives_way(const palp_contact *c, uint32_t candidate) {
     return c->candidate[candidate].tool == PALP_ZONE_TOOL && !c->candidate[candidate].active;
 }
 
-static void propose_one(palp_contact *c, proposals *p, palp_fresh fresh) {
+/* Whether the slot is a candidate that stays one. */
+static bool is_taken(const palp_contact *c, palp_fresh fresh) {
     uint16_t taken = c->place[c->first_slot[fresh.body] + fresh.slot];
-    if (taken != 0u && !gives_way(c, taken - 1u)) return;
+    return taken != 0u && !gives_way(c, taken - 1u);
+}
+
+static palp_touch look_at(palp_contact *c, proposals *p, palp_fresh fresh) {
+    p->looks--;
     uint32_t node = palp_contact_blob(c, fresh.body)->domain[PALP_FREE].node[fresh.slot];
-    palp_touch at = palp_tool_at(&c->tools[fresh.tool], p->center[fresh.tool],
-                                 palp_contact_place(c, fresh.body, node),
-                                 palp_contact_normal(c, fresh.body, node));
     c->work_done += evaluation(c, fresh.tool);
+    return palp_tool_at(&c->tools[fresh.tool], p->center[fresh.tool],
+                        palp_contact_place(c, fresh.body, node),
+                        palp_contact_normal(c, fresh.body, node));
+}
+
+/* Lists what a tool sees like this, if it is near enough and not listed yet. */
+static void consider(palp_contact *c, proposals *p, palp_fresh fresh, palp_touch at) {
     if (at.facing < FACING || at.reach > 1.0f) return;
     if (at.depth_m < -MARGIN * c->size_m[fresh.tool]) return;
     for (uint32_t i = 0; i < p->found; i++) {
@@ -260,22 +274,24 @@ static void propose_one(palp_contact *c, proposals *p, palp_fresh fresh) {
 
 /* A slot, or the hats above it where the set is coarse. */
 static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
-    const palp_domain *d = &palp_contact_blob(c, fresh.body)->domain[PALP_FREE];
-    if (c->assembly != NULL) {
-        uint32_t slot = ancestor(c, fresh.body, fresh.slot);
-        if (slot < d->slots) propose_one(c, p, (palp_fresh){slot, fresh.tool, fresh.body, 0, 0});
-        return;
-    }
-    if (is_mixed(c)) c->work_done += 3u * evaluation(c, fresh.tool);
-    if (palp_contact_level_of(c, fresh.slot, fresh.tool) < PALP_MAX_LEVELS) {
-        propose_one(c, p, fresh);
+    const palp_blob *b = palp_contact_blob(c, fresh.body);
+    const palp_domain *d = &b->domain[PALP_FREE];
+    if (c->assembly != NULL) fresh.slot = ancestor(c, fresh.body, fresh.slot);
+    if (fresh.slot >= b->level[level_in(c, fresh.body)].nodes || is_taken(c, fresh)) return;
+    uint32_t needed = is_mixed(c) ? 3u : 1u; /* it and the two hats above */
+    if (p->looks < needed) p->looks = 0;
+    if (p->looks == 0u) return;
+    palp_touch at = look_at(c, p, fresh);
+    if (level_at(c, fresh.slot, at.reach) < PALP_MAX_LEVELS) {
+        consider(c, p, fresh, at);
         return;
     }
     for (uint32_t side = 0; side < 2; side++) {
-        uint32_t parent = d->parent[2u * fresh.slot + side];
-        bool known = d->predict[2u * fresh.slot + side] > 0.0f &&
-                     palp_contact_level_of(c, parent, fresh.tool) < PALP_MAX_LEVELS;
-        if (known) propose_one(c, p, (palp_fresh){parent, fresh.tool, fresh.body, 0, 0});
+        palp_fresh parent = fresh;
+        parent.slot = d->parent[2u * fresh.slot + side];
+        if (!(d->predict[2u * fresh.slot + side] > 0.0f) || is_taken(c, parent)) continue;
+        at = look_at(c, p, parent);
+        if (level_at(c, parent.slot, at.reach) < PALP_MAX_LEVELS) consider(c, p, parent, at);
     }
 }
 
@@ -411,7 +427,7 @@ static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
 
 /* Around the next candidates in turn. */
 static void propose_walk(palp_contact *c, proposals *p) {
-    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count; i++) {
+    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count && p->looks > 0u; i++) {
         c->walk = c->walk + 1u < c->count ? c->walk + 1u : 0u;
         propose_neighbours(c, p, &c->candidate[c->walk]);
     }
@@ -423,6 +439,7 @@ static void propose_scan(palp_contact *c, proposals *p) {
     const uint32_t tools = c->tool_count;
     if (tools == 0u) return;
     if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
+    p->looks = PALP_CONTACT_SCAN;
     for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
         while (body > 0u && c->scan < c->first_slot[body]) body--;
@@ -435,7 +452,7 @@ static void propose_scan(palp_contact *c, proposals *p) {
 uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
     palp_contact *c = contact;
     if (c->tool_count == 0u) return 0; /* init refuses that */
-    proposals p = {.center = center, .fresh = fresh};
+    proposals p = {.center = center, .fresh = fresh, .looks = PALP_CONTACT_LOOKS};
     c->flags = 0;
     c->pivots = 0;
     shrink_relief(c);

@@ -53,6 +53,9 @@ typedef struct {
 #define PALP_MAX_CANDIDATES 256u
 #define PALP_CONTACT_SCAN 32u /* slots looked at in turn by each search */
 #define PALP_CONTACT_WALK 24u /* candidates whose neighbours are, in turn */
+#define PALP_CONTACT_LOOKS                                                                         \
+    48u /* close looks at those, and as many as slots in turn at the slots                         \
+         */
 #define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u, false})
 
 #define PALP_CONTACT_REFACTOR 64u /* changes of the factor before it is made afresh */

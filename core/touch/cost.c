@@ -2,8 +2,7 @@
 #include "cost.h"
 
 #define DESCENT 32.0f /* moves of the nearest node, as in candidates.c */
-#define MIXED_EVALUATIONS 5.0f
-#define MIXED_PROPOSALS 2.0f
+#define MIXED 3.0f    /* looks at a tool for one slot: it and the two hats above */
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
@@ -122,12 +121,6 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
 
 static bool mixed(palp_rung rung) { return rung.outer < rung.level; }
 
-static float proposal(const palp_touch_cost *c, palp_rung rung) {
-    float sift = PRICE(c, NEIGHBOUR) + PRICE(c, SIFT) * (float)c->limits.max_new;
-    if (!mixed(rung)) return sift + c->evaluation;
-    return MIXED_PROPOSALS * sift + MIXED_EVALUATIONS * c->evaluation;
-}
-
 static float drop(const palp_touch_cost *c, float k) {
     float moved = PRICE(c, MOVE) + (c->limits.friction ? PRICE(c, MOVE_BLOCK) : 0.0f);
     float seams = c->zones > 1.0f ? PRICE(c, SEAM_MODE) * c->unknowns : 0.0f;
@@ -138,17 +131,21 @@ float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t cou
                        uint32_t active) {
     const palp_touch_cost *c = cost;
     float k = (float)count, n = (float)active, idle = k - n;
-    float one = proposal(c, rung), near = c->near[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
-    float seek = PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + DESCENT * c->ring) + one;
+    float near = c->near[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    float look = PRICE(c, CLOSE) + c->evaluation + PRICE(c, SIFT) * (float)c->limits.max_new;
+    float seek = PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + DESCENT * c->ring);
     float free_tools = c->zones > 1.0f || active == 0u ? c->tools : c->tools - 1.0f;
+    float walked = least((float)PALP_CONTACT_WALK, k);
+    float asked = (walked * near + free_tools * c->zones) * (mixed(rung) ? MIXED : 1.0f);
+    float looks = (float)PALP_CONTACT_SCAN + least((float)PALP_CONTACT_LOOKS, asked);
     float sum = PRICE(c, SEARCH) + k * (PRICE(c, CANDIDATE) + c->evaluation) +
                 idle * n * PRICE(c, IDLE) + c->tools * n * PRICE(c, FORCE) +
                 least((float)c->limits.max_new, idle) * drop(c, k) + free_tools * c->zones * seek +
-                (float)PALP_CONTACT_SCAN * one +
-                least((float)PALP_CONTACT_WALK, k) * (PRICE(c, CHILD) * c->children + near * one);
+                walked * (PRICE(c, CHILD) * c->children + near * PRICE(c, NEIGHBOUR)) +
+                (float)PALP_CONTACT_SCAN * PRICE(c, NEIGHBOUR) + looks * look;
     if (c->pairs > 1.0f) { /* each node that is looked at finds its nearest on every other zone */
-        float looks = (float)PALP_CONTACT_PAIR_SCAN * (c->zones - 1.0f) + c->ring;
-        sum += looks * (c->nearest + c->row + 2.0f * c->place + PRICE(c, NEIGHBOUR));
+        float pairs = (float)PALP_CONTACT_PAIR_SCAN * (c->zones - 1.0f) + c->ring;
+        sum += pairs * (c->nearest + c->row + 2.0f * c->place + PRICE(c, NEIGHBOUR));
     }
     return sum;
 }
@@ -166,8 +163,8 @@ float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t coun
                       uint32_t active) {
     const palp_touch_cost *c = cost;
     float k = (float)count;
-    float sum = PRICE(c, ADMIT) + 2.0f * c->evaluation + PRICE(c, IDLE) * (float)active +
-                (k + 1.0f) * look_up(c, rung);
+    float sum = PRICE(c, ADMIT) + (mixed(rung) ? 2.0f : 1.0f) * c->evaluation +
+                PRICE(c, IDLE) * (float)active + (k + 1.0f) * look_up(c, rung);
     if (count >= c->limits.max_candidates || c->pairs > 1.0f)
         sum += PRICE(c, ROOM) * k + drop(c, k);
     if ((c->tables >> rung.level & 1u) == 0u) sum += c->pairs * c->row;
@@ -252,16 +249,21 @@ float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load,
     return sum;
 }
 
+float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active) {
+    const palp_touch_cost *c = cost;
+    uint32_t pressed = load < c->limits.max_active ? load : c->limits.max_active;
+    float n = (float)active, h = (float)load, m = (float)pressed;
+    return palp_cost_load(c, rung, load, active) + palp_cost_refactor(c, pressed) +
+           h * 2.0f * c->evaluation + (n * n + m * m + h * m) * PRICE(c, IDLE) +
+           4.0f * c->tools * (n + m) * PRICE(c, FORCE);
+}
+
 float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load,
                        uint32_t active) {
     const palp_touch_cost *c = cost;
-    float n = (float)active, h = (float)load;
-    float admissions = h * (palp_cost_admit(c, rung, 0, 0) - look_up(c, rung)) +
-                       0.5f * h * (h + 1.0f) * look_up(c, rung);
-    return palp_cost_load(c, rung, load, active) + admissions + palp_cost_refactor(c, load) +
-           h * 3.0f * c->evaluation + (n * n + 2.0f * h * h) * PRICE(c, IDLE) +
-           4.0f * c->tools * (n + h) * PRICE(c, FORCE) +
-           (float)c->limits.max_candidates * PRICE(c, ROOM);
+    float h = (float)load, one = look_up(c, rung);
+    return palp_cost_climb(c, rung, load, active) + h * (palp_cost_admit(c, rung, 0, 0) - one) +
+           0.5f * h * (h + 1.0f) * one + (float)c->limits.max_candidates * PRICE(c, ROOM);
 }
 
 /* ---- zones ---- */

@@ -7,7 +7,6 @@
  *   T, C        tools; C = 3 T axes of their springs
  *   EVALUATION  balls BALL, PAD or CYLINDER, of the dearest tool; on zones + PLACE + modes
  *               PLACE_MODE, and nearest nodes are sought on every zone
- *   PROPOSAL    NEIGHBOUR + EVALUATION + max_new SIFT; of a mixed set 5 evaluations, 2 max_new
  *   LOOK_UP     PAIR, with friction + PAIR_BLOCK; of a mixed set + (1 + children) HAT; without a
  *               table 2 EXTRACTION
  *
@@ -50,14 +49,17 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
 /*
  * palp_contact_search: SEARCH + k (CANDIDATE + EVALUATION) + (k - n) n IDLE + T n FORCE
  *   + min(max_new, k - n) (DROP + k MOVE, with friction + k MOVE_BLOCK)
- *   + tools that touch nothing (NEAREST + (cells + 32 ring) CELL + PROPOSAL)
- *   + min(PALP_CONTACT_WALK, k) (children CHILD + near PROPOSAL) + PALP_CONTACT_SCAN PROPOSAL
+ *   + tools that touch nothing (NEAREST + (cells + 32 ring) CELL)
+ *   + min(PALP_CONTACT_WALK, k) (children CHILD + near NEIGHBOUR) + PALP_CONTACT_SCAN NEIGHBOUR
+ *   + looks (CLOSE + EVALUATION + max_new SIFT), looks being PALP_CONTACT_SCAN +
+ * PALP_CONTACT_LOOKS, or what the neighbours of k and the nearest nodes ask for
  */
 float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t count,
                        uint32_t active);
 
 /*
- * palp_contact_admit: ADMIT + 2 EVALUATION + n IDLE + (k + 1) LOOK_UP, with all candidates in use
+ * palp_contact_admit: ADMIT + EVALUATION (of a mixed set 2) + n IDLE + (k + 1) LOOK_UP, with all
+ * candidates in use
  *   + k ROOM + DROP + k MOVE; without a table + ROW
  */
 float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t count, uint32_t active);
@@ -95,11 +97,16 @@ float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
 /*
- * palp_ladder_drop to `rung`, on which `load` basis functions h carry the forces: palp_cost_load,
- * h admissions (palp_cost_admit), palp_cost_refactor of h, h (3 EVALUATION + h IDLE) + T (n + h)
- * FORCE + (n^2 + h^2) IDLE, and k DROP for those of the contact that is cleared.
+ * palp_ladder_drop to `rung`, on which `load` basis functions h carry the forces, m of them at most
+ * max_active: palp_cost_load, h admissions (palp_cost_admit), palp_cost_refactor of m,
+ * 2 h EVALUATION + 4 T (n + m) FORCE + (n^2 + m^2 + h m) IDLE, and max_candidates ROOM for those of
+ * the contact that is cleared.
  */
 float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
+
+/* palp_ladder_climb to `rung`, where `load` candidates are prepared: the same without admissions.
+ */
+float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
 /*
  * palp_contact_follow on a level of the seams with `unknowns` (palp_seams_cost_solve being

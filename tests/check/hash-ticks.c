@@ -93,7 +93,7 @@ static void move_body(const char *path) {
                                         .tool_count = 1,
                                         .max_spots = 32,
                                         .most_class = 5,
-                                        .cost = {0.4f, 0.8f},
+                                        .cost = {&palp_target_counted, 0.4f, 0.0f, 0.8f},
                                         .port = {.now_ns = still_clock},
                                         .tick_s = 1e-3f};
     palp_vec3 at = {0.05f, 0.01f, 0.04f}, force;
@@ -141,7 +141,7 @@ int main(int argc, char **argv) {
                                            .damping_Ns_per_m = 0.6f},
                                 .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
                                 .limits = PALP_CONTACT_DEFAULTS,
-                                .cost = {0.01f, 0.8f},
+                                .cost = {&palp_target_counted, 0.01f, 0.0f, 0.8f},
                                 .port = {.now_ns = still_clock},
                                 .tool = palp_tool_sphere(0.012f)};
     /* The highest free node lies under the tool at the home position. */

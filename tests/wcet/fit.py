@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""Prices from counted cases: the cheapest that no case exceeds.
+
+usage: fit.py CASES... [--head-room 1.03] [--table NAME IDENTIFIER]
+
+Reads the output of `cases` and finds prices w >= 0, one for each kind of work, with
+
+    w . f >= head_room * counted      for every case (f: how many of each kind)
+
+and, over the operations and levels, the least sum of the largest bound over the most counted (and,
+weighing little, of the mean of bound over counted): a linear program. Prints how near the bounds come, by operation, and with --table the C table.
+"""
+import argparse
+import collections
+import re
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix, hstack, vstack
+
+p = argparse.ArgumentParser()
+p.add_argument("cases", nargs="+")
+p.add_argument("--head-room", type=float, default=1.03)
+p.add_argument("--table", nargs=2, metavar=("NAME", "IDENTIFIER"))
+p.add_argument("--levels", action="store_true")
+p.add_argument("--price", default="core/base/price.h")
+a = p.parse_args()
+names = re.findall(r"X\((\w+), \"(\w+)\"", open(a.price).read())
+
+worst = {}  # (operation, level, features) -> most instructions
+for path in a.cases:
+    for line in open(path):
+        word = line.split()
+        if len(word) < 4:
+            continue
+        key = (word[0] + ("@" + word[1] if a.levels else ""), int(word[1]), " ".join(word[3:]))
+        worst[key] = max(worst.get(key, 0), int(word[2]))
+
+rows, cols, vals, counted, ops = [], [], [], [], []
+for i, ((op, level, text), n) in enumerate(worst.items()):
+    for pair in text.split():
+        k, v = pair.split(":")
+        rows.append(i)
+        cols.append(int(k))
+        vals.append(float(v))
+    counted.append(n)
+    ops.append(op)
+counted = np.array(counted, float)
+f = csr_matrix((vals, (rows, cols)), shape=(len(counted), len(names)))
+ops = np.array(ops)
+classes = sorted({k[:2] for k in worst})
+number = {c: i for i, c in enumerate(classes)}
+cls = np.array([number[k[:2]] for k in worst])
+most = np.zeros(len(classes))
+np.maximum.at(most, cls, counted)
+used = np.asarray(f.sum(axis=0)).ravel() > 0
+u, c, n = used.sum(), len(classes), len(counted)
+mean = f[:, used].T @ (1 / np.bincount(cls)[cls] / counted)  # of the cases of each class
+floor = hstack([-f[:, used], csr_matrix((n, c))])
+largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
+r = linprog(np.concatenate([1 * mean, np.ones(c)]), A_ub=vstack([floor, largest]),
+            b_ub=np.concatenate([-a.head_room * counted, np.zeros(n)]), bounds=(0, None), method="highs")
+if r.status != 0:
+    raise SystemExit("no fit: " + r.message)
+r.x = r.x[:u]
+w = np.zeros(len(names))
+w[used] = r.x
+bound = f @ w
+if a.table:
+    print("const palp_target palp_target_%s = {" % a.table[1])
+    print('    "%s",' % a.table[0])
+    terms = ["[PALP_WORK_%s] = %.7gf" % (n[0], x) if "." in "%.7g" % x else
+             "[PALP_WORK_%s] = %d" % (n[0], x) for n, x in zip(names, w) if x > 0]
+    print("    {{" + ", ".join(terms) + "}}};\n")
+else:
+    print("%-10s %8s %9s %9s %9s %10s" % ("operation", "cases", "counted", "bound", "over", "mean over"))
+    for op in sorted(set(ops)):
+        m = ops == op
+        over = bound[m] / counted[m]
+        print("%-10s %8d %9d %9d %9.3f %10.3f" % (op, m.sum(), counted[m].max(), bound[m].max(),
+              bound[m].max() / counted[m].max(), (over * counted[m]).sum() / counted[m].sum()))
+    print(" ".join("%s %.4g" % (n[1], x) for n, x in zip(names, w) if x > 0))
+    import sys
+    if "PALP_TIGHT" in __import__("os").environ:
+        keys = list(worst)
+        for i in np.argsort(bound / counted)[:40]:
+            print(keys[i][0], keys[i][1], counted[i], "%.3f" % (bound[i] / counted[i]), " ".join("%s:%s" % (names[int(q.split(":")[0])][1], q.split(":")[1]) for q in keys[i][2].split()))

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: MIT */
+#include "cases.h"
+
+typedef float (*green_bound)(const palp_prices *price, const palp_blob *blob, uint32_t a,
+                             uint32_t b);
+
+static float of_row(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    (void)b;
+    return palp_cost_row(p, blob, a);
+}
+static float of_extract(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    return palp_cost_extract(p, blob, a, b);
+}
+static float of_add(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    (void)b;
+    return palp_cost_add(p, blob, a);
+}
+static float of_inverse(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    (void)b;
+    return palp_cost_inverse(p, blob, a);
+}
+
+static void tell(cases *c, const char *name, uint32_t level, green_bound bound,
+                 const palp_blob *blob, uint32_t a, uint32_t b, uint64_t counted) {
+    features f;
+    for (uint32_t k = 0; k < PALP_WORKS; k++) {
+        palp_prices one = {{0}};
+        one.of[k] = 1.0f;
+        f.count[k] = bound(&one, blob, a, b);
+    }
+    c->sink(name, level, &f, counted);
+}
+
+void cases_of_green(cases *c, const palp_blob *blob, uint64_t seed, uint32_t rounds) {
+    dice d = {seed};
+    size_t used = c->used;
+    const palp_meta *m = blob->meta;
+    const palp_domain *dom = &blob->domain[PALP_FREE];
+    uint32_t slots = dom->slots, level = m->constraint_level;
+    const palp_columns *columns = &blob->level[level].columns;
+    palp_row_scratch scratch = {.weight = cases_take(c, slots * sizeof(float)),
+                                .mark = cases_take(c, (slots + 31u) / 32u * sizeof(uint32_t))};
+    palp_row row = {.index = cases_take(c, m->max_row * sizeof(uint16_t)),
+                    .weight = cases_take(c, m->max_row * sizeof(float))};
+    float *field = cases_take(c, (size_t)slots * PALP_FIELD_LANES * sizeof(float)), block[9];
+    for (uint32_t i = 0; i < slots; i++) scratch.weight[i] = 0.0f;
+    for (uint32_t i = 0; i < (slots + 31u) / 32u; i++) scratch.mark[i] = 0;
+    for (uint32_t i = 0; i < slots * PALP_FIELD_LANES; i++) field[i] = 0.0f;
+    for (uint32_t i = 0; i < rounds; i++) {
+        uint32_t slot = dice_below(&d, blob->level[level].nodes);
+        uint32_t j = dice_below(&d, columns->columns > 0u ? columns->columns : 1u);
+        uint64_t before = instructions();
+        (void)palp_basis_row(blob, (palp_basis){level, slot}, &scratch, &row, m->max_row);
+        uint64_t after = instructions();
+        tell(c, "row", level, of_row, blob, row.count, 0, after - before);
+        if (columns->columns == 0u) continue;
+        uint32_t groups = columns->offset[j + 1u] - columns->offset[j];
+        before = instructions();
+        palp_columns_extract(columns, j, &row, block);
+        after = instructions();
+        tell(c, "extract", level, of_extract, blob, row.count, groups, after - before);
+        const float v[3] = {block[0], 1.0f, dice_float(&d)};
+        before = instructions();
+        palp_columns_add(columns, j, v, field);
+        after = instructions();
+        tell(c, "add", level, of_add, blob, groups, 0, after - before);
+        uint32_t l = dice_below(&d, m->levels);
+        before = instructions();
+        palp_wavelet_inverse(dom, field, l);
+        after = instructions();
+        tell(c, "inverse", l, of_inverse, blob, l, 0, after - before);
+    }
+    c->used = used;
+}
