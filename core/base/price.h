@@ -48,6 +48,7 @@
     X(DOT, "dot", "one entry of a sum in order")                                                   \
     X(CHOICE, "choice", "one candidate looked at for the most violated")                           \
     X(GATHER, "gather", "one compliance gathered for the factor")                                  \
+    X(APPEND, "append", "one row added to the factor")                                             \
     X(ROTATION, "rotation", "one Givens rotation begun")                                           \
     X(ROTATE, "rotate", "one pair of entries rotated or shifted")                                  \
     X(COUPLE, "couple", "a tool's spring in one solve")                                            \
@@ -70,6 +71,7 @@
     X(SEAM_MODE, "seam_mode", "one unknown of a seam in a vector")                                 \
     X(SEAM_DOT, "seam_dot", "one product of a seam's row in order")                                \
     X(SEAM_TURN, "seam_turn", "one entry of a block turned and put in place")                      \
+    X(SEAM_ROW, "seam_row", "one entry of a block divided or moved")                               \
     X(SEAM_PRODUCT, "seam_product", "one entry of a block eliminated")                             \
     X(PLACE, "place", "where a node of a zone is")                                                 \
     X(PLACE_MODE, "place_mode", "one mode of its seams in that")                                   \
@@ -86,9 +88,8 @@
     X(LIST_SKIN, "list_skin", "one skin vertex hung anew")                                         \
     X(FAMILY, "family", "one family weighed")                                                      \
     X(LOOK, "look", "one look of adaptivity")                                                      \
-    X(SERVO, "servo", "a servo tick without frames and contact")                                   \
-    X(FRAME, "frame", "one frame received")                                                        \
-    X(AXIS, "axis", "one axis heard and spoken to")
+    X(SERVO, "servo", "a servo tick without its frames and the contact")                           \
+    X(FRAME, "frame", "one frame received")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,
 typedef enum { PALP_WORK_LIST(PALP_WORK_NAME) PALP_WORKS } palp_work;

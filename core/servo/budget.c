@@ -21,24 +21,64 @@ float palp_cost_tail(const palp_touch_cost *cost, uint32_t active) {
     return PRICE(cost, TICK) + 0.5f * PRICE(cost, SERVO) + palp_cost_leave(cost, active);
 }
 
+/* One of several pivots with at most `active` in contact: with no room left one is let out, or was
+ * let in by the pivot before. */
+static float pivot_among(const palp_touch_cost *c, uint32_t count, uint32_t active) {
+    if (active < c->limits.max_active || active == 0u) return palp_cost_pivot(c, count, active);
+    return palp_max(palp_cost_pivot_solve(c, active) + palp_cost_pivot_out(c, active),
+                    palp_cost_pivot_solve(c, active - 1u) +
+                        palp_cost_pivot_in(c, count, active - 1u));
+}
+
 float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t active,
                        uint32_t pivots) {
     const float solves = (float)PALP_COUPLING_SOLVES;
-    return solves * (palp_cost_begin(cost, count) + palp_cost_couple(cost, active)) +
+    bool full = active >= cost->limits.max_active;
+    return solves * (palp_cost_begin(cost, count) + palp_cost_couple(cost, active) +
+                     (full ? palp_cost_relieve(cost, count, active) : 0.0f)) +
            palp_cost_refactor(cost, active) +
-           (float)pivots * (palp_cost_pivot(cost, count, active) + PRICE(cost, QUANTUM));
+           (float)pivots * (pivot_among(cost, count, active) + PRICE(cost, QUANTUM));
 }
 
-static float servo(const palp_touch_cost *c) {
-    return PRICE(c, SERVO) + FRAMES * PRICE(c, FRAME) + 3.0f * PRICE(c, AXIS);
+/* The dearest way that `pivots` steps can go: of each, with n in contact, one is let out or let in.
+ * Longest path by dynamic programming, from the last step to the first. */
+static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
+    float rest[PALP_MAX_CANDIDATES + 1u] = {0.0f}, most = 0.0f;
+    const palp_contact_limits l = c->limits;
+    for (uint32_t p = 0; p < pivots; p++) {
+        float below = 0.0f; /* rest[n - 1] of the steps after this one */
+        most = 0.0f;
+        for (uint32_t n = 0; n <= l.max_active; n++) {
+            float out = n > 0u ? palp_cost_pivot_out(c, n) + below : 0.0f;
+            float in =
+                n < l.max_active ? palp_cost_pivot_in(c, l.max_candidates, n) + rest[n + 1u] : 0.0f;
+            below = rest[n];
+            rest[n] = palp_cost_pivot_solve(c, n) + palp_max(out, in);
+            most = palp_max(most, rest[n]);
+        }
+    }
+    return most;
 }
+
+/* All solves of a tick at the limits; each may end for want of room. */
+static float full_answer(const palp_touch_cost *c) {
+    const palp_contact_limits l = c->limits;
+    uint32_t pivots = PALP_COUPLING_PIVOTS * l.max_pivots;
+    uint32_t ends = PALP_COUPLING_SOLVES < pivots ? PALP_COUPLING_SOLVES : pivots;
+    float end = palp_max(palp_cost_pivot(c, l.max_candidates, l.max_active),
+                         pivot_among(c, l.max_candidates, l.max_active));
+    return (float)PALP_COUPLING_SOLVES *
+               (palp_cost_begin(c, l.max_candidates) + palp_cost_couple(c, l.max_active)) +
+           palp_cost_refactor(c, l.max_active) + dearest_pivots(c, pivots - ends) +
+           (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
+}
+
+static float servo(const palp_touch_cost *c) { return PRICE(c, SERVO) + FRAMES * PRICE(c, FRAME); }
 
 float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
     const palp_contact_limits l = cost->limits;
     return servo(cost) + palp_cost_tail(cost, l.max_active) +
-           palp_cost_search(cost, rung, l.max_candidates, l.max_active) +
-           palp_cost_answer(cost, l.max_candidates, l.max_active,
-                            PALP_COUPLING_PIVOTS * l.max_pivots) +
+           palp_cost_search(cost, rung, l.max_candidates, l.max_active) + full_answer(cost) +
            (float)l.max_new * (palp_cost_admit(cost, rung, l.max_candidates - 1u, l.max_active) +
                                PRICE(cost, QUANTUM));
 }

@@ -179,7 +179,7 @@ float palp_cost_begin(const palp_touch_cost *cost, uint32_t count) {
 
 /* One more row of the factor of n. */
 static float append(const palp_touch_cost *c, float n) {
-    return n * (PRICE(c, GATHER) + PRICE(c, SUBSTITUTE) + PRICE(c, DOT)) +
+    return PRICE(c, APPEND) + n * (PRICE(c, GATHER) + PRICE(c, SUBSTITUTE) + PRICE(c, DOT)) +
            0.5f * n * n * PRICE(c, AXPY);
 }
 
@@ -187,7 +187,7 @@ float palp_cost_refactor(const palp_touch_cost *cost, uint32_t active) {
     const palp_touch_cost *c = cost;
     float n = (float)active;
     return 0.5f * n * (n + 1.0f) * (PRICE(c, GATHER) + PRICE(c, SUBSTITUTE) + PRICE(c, DOT)) +
-           n * n * n / 6.0f * PRICE(c, AXPY) + n * PRICE(c, PIVOT);
+           n * n * n / 6.0f * PRICE(c, AXPY) + n * PRICE(c, APPEND);
 }
 
 float palp_cost_pivot_solve(const palp_touch_cost *cost, uint32_t active) {
@@ -205,13 +205,18 @@ float palp_cost_pivot_out(const palp_touch_cost *cost, uint32_t active) {
     return n * PRICE(cost, ROTATION) + 0.5f * n * n * PRICE(cost, ROTATE);
 }
 
+float palp_cost_relieve(const palp_touch_cost *cost, uint32_t count, uint32_t active) {
+    float n = (float)active, idle = (float)count - n;
+    return idle * (PRICE(cost, CHOICE) + n * PRICE(cost, IDLE));
+}
+
 float palp_cost_pivot_in(const palp_touch_cost *cost, uint32_t count, uint32_t active) {
     const palp_touch_cost *c = cost;
-    float k = (float)count, n = (float)active, idle = k - n;
+    float k = (float)count, n = (float)active;
     float choice =
-        k * PRICE(c, CHOICE) + idle * n * PRICE(c, IDLE) + c->tools * n * PRICE(c, FORCE);
+        k * PRICE(c, CHOICE) + (k - n) * n * PRICE(c, IDLE) + c->tools * n * PRICE(c, FORCE);
     bool full = active >= c->limits.max_active;
-    return choice + (full ? idle * (PRICE(c, CHOICE) + n * PRICE(c, IDLE)) : append(c, n));
+    return choice + (full ? palp_cost_relieve(c, count, active) : append(c, n));
 }
 
 float palp_cost_pivot(const palp_touch_cost *cost, uint32_t count, uint32_t active) {

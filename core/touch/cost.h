@@ -67,7 +67,7 @@ float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t coun
 /* palp_contact_begin: BEGIN + k (TARGET + EVALUATION); every 64 changes + palp_cost_refactor. */
 float palp_cost_begin(const palp_touch_cost *cost, uint32_t count);
 
-/* The factor made afresh: n (n + 1) / 2 (GATHER + SUBSTITUTE + DOT) + n^3 / 6 AXPY + n PIVOT. */
+/* The factor made afresh: n (n + 1) / 2 (GATHER + SUBSTITUTE + DOT) + n^3 / 6 AXPY + n APPEND. */
 float palp_cost_refactor(const palp_touch_cost *cost, uint32_t active);
 
 /*
@@ -75,20 +75,22 @@ float palp_cost_refactor(const palp_touch_cost *cost, uint32_t active);
  *   + n SUBSTITUTE + n^2 / 2 DOT + C (SPRING + n (ACTIVE + AXPY)) + (C^2 + C) n DOT,
  * and the dearer of what may follow:
  *   one is let out:  n ROTATION + n^2 / 2 ROTATE
- *   one is let in:   k CHOICE + (k - n) n IDLE + T n FORCE + n (GATHER + SUBSTITUTE + DOT)
- *                    + n^2 / 2 AXPY; without room for it (k - n) (CHOICE + n IDLE) instead
+ *   one is let in:   k CHOICE + (k - n) n IDLE + T n FORCE + APPEND
+ *                    + n (GATHER + SUBSTITUTE + DOT) + n^2 / 2 AXPY; without room for it
+ *                    palp_cost_relieve, (k - n) (CHOICE + n IDLE), instead, and the solve ends
  */
 float palp_cost_pivot(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 /* Its parts. */
 float palp_cost_pivot_solve(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_pivot_out(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_pivot_in(const palp_touch_cost *cost, uint32_t count, uint32_t active);
+float palp_cost_relieve(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 
 /* What palp_coupling_step does around a solve: T (COUPLE + n FORCE), with friction + T FRICTION +
  * T n FORCE. */
 float palp_cost_couple(const palp_touch_cost *cost, uint32_t active);
 
-/* palp_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE + n^2 IDLE)
+/* palp_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE) + n^2 IDLE
  * + 3 n ACTIVE, with friction + T (FRICTION + n^2 FRICTION_PAIR). */
 float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
 

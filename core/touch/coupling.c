@@ -100,10 +100,11 @@ bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact) {
 void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,
                        palp_coupling_result *result) {
     if (coupling->solving) (void)end_solve(coupling, contact);
+    const float contact_J = palp_contact_energy(contact);
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_spring *s = &coupling->spring[t];
         palp_vec3 force = palp_add(s->contact_N, s->friction.force_N);
-        float energy = palp_contact_energy(contact) + palp_friction_energy(&s->friction) +
+        float energy = contact_J + palp_friction_energy(&s->friction) +
                        0.5f / s->stiffness_N_per_m * palp_dot(force, force);
         palp_friction_settle(&s->friction, s->tool_m);
         if (s->placed && touches(contact, t)) {

@@ -367,14 +367,15 @@ static float cost_row(const palp_seams *q, const palp_prices *price, uint32_t s,
 
 static float cost_eliminate(const palp_seams *q, const palp_prices *price, uint32_t s,
                             uint32_t level) {
-    float n = (float)unknowns(q, s, level), sum = n * n * n / 6.0f + 2.0f * n * n;
+    float n = (float)unknowns(q, s, level), cubic = n * n * n / 6.0f, square = 2.0f * n * n;
     for (uint32_t k = 0; k < q->link[s].count && level != PALP_DIAGONAL; k++) {
         float m = (float)unknowns(q, q->link[s].other[k], level);
-        sum += 0.5f * n * n * m + n * m;
+        cubic += 0.5f * n * n * m;
+        square += n * m;
         for (uint32_t i = k; i < q->link[s].count; i++)
-            sum += n * m * (float)unknowns(q, q->link[s].other[i], level);
+            cubic += n * m * (float)unknowns(q, q->link[s].other[i], level);
     }
-    return PRICE(SEAM) + PRICE(SEAM_PRODUCT) * sum;
+    return PRICE(SEAM) + PRICE(SEAM_PRODUCT) * cubic + PRICE(SEAM_ROW) * square;
 }
 
 float palp_seams_cost_factor(const palp_seams *seams, const palp_prices *price, uint32_t level) {

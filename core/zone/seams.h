@@ -99,8 +99,8 @@ palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, u
 /*
  * What all steps on `level` cost at most, and the longest one, in the unit of the prices (names of
  * prices in capitals). A row of blocks: SEAM + N (N + sum of the partners' N) SEAM_TURN; a seam
- * eliminated: SEAM + (N^3 / 6 + 2 N^2 + sum over partners N m (N / 2 + 1) + sum over pairs of them
- * N m m') SEAM_PRODUCT.
+ * eliminated: SEAM + (N^3 / 6 + sum over partners N^2 m / 2 + sum over pairs of them N m m')
+ * SEAM_PRODUCT + (2 N^2 + sum over partners N m) SEAM_ROW.
  */
 float palp_seams_cost_factor(const palp_seams *seams, const palp_prices *price, uint32_t level);
 float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, uint32_t level);

@@ -38,7 +38,12 @@ void *cases_take(cases *c, size_t bytes);
 
 /* `episodes` of contact on a blob, from `seed`: tools, limits, levels and paths of all kinds. */
 void cases_of_contact(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
+/* Whole ticks of the bounded answer and of the servo. */
+void cases_of_ticks(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
 /* Columns, rows and transforms of a blob. */
 void cases_of_green(cases *c, const palp_blob *blob, uint64_t seed, uint32_t rounds);
+/* Factors, solves and contact of a multizone model; a body that moves. */
+void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uint32_t rounds);
+void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t episodes);
 
 #endif

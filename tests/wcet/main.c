@@ -22,7 +22,34 @@ static void print_case(const char *operation, uint32_t level, const features *f,
     printf("\n");
 }
 
-static _Alignas(64) uint8_t memory[24u << 20];
+#ifdef CASES_AT /* memory that no linker script knows */
+static uint8_t *const memory = (uint8_t *)CASES_AT;
+#define MEMORY_BYTES (16u << 20)
+#else
+static _Alignas(64) uint8_t memory[64u << 20];
+#define MEMORY_BYTES (sizeof memory)
+#endif
+
+/* Cases of whatever the blob at the beginning of the memory is. */
+static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes) {
+    palp_blob blob;
+    palp_tets tets;
+    palp_zones zones;
+    palp_status status = palp_blob_open(&blob, c->memory, bytes);
+    if (status == PALP_OK) {
+        cases_of_green(c, &blob, seed, 20u * episodes);
+        cases_of_contact(c, &blob, seed, episodes);
+        cases_of_ticks(c, &blob, seed, episodes);
+    } else if (palp_tets_open(&tets, c->memory, bytes) == PALP_OK) {
+        cases_of_dyna(c, &tets, seed, episodes);
+    } else if (palp_zones_open(&zones, c->memory, bytes) == PALP_OK) {
+        cases_of_zones(c, c->memory, bytes, seed, episodes);
+    } else {
+        fprintf(stderr, "not a blob: %s\n", palp_status_text(status));
+        return 1;
+    }
+    return 0;
+}
 
 int main(int argc, char **argv) {
     if (argc < 4) {
@@ -30,19 +57,16 @@ int main(int argc, char **argv) {
         return 2;
     }
     FILE *f = fopen(argv[1], "rb");
-    cases c = {memory, sizeof memory, 0, print_case};
-    palp_blob blob;
-    if (f == NULL) return 2;
-    size_t bytes = fread(memory, 1, sizeof memory, f);
+    cases c = {memory, MEMORY_BYTES, 0, print_case};
+    if (f == NULL) {
+        fprintf(stderr, "%s: cannot be opened\n", argv[1]);
+        return 2;
+    }
+    size_t bytes = fread(memory, 1, MEMORY_BYTES, f);
+    uint64_t seed = strtoull(argv[2], NULL, 10);
+    uint32_t episodes = (uint32_t)atoi(argv[3]);
     fclose(f);
     (void)cases_take(&c, bytes);
-    palp_status status = palp_blob_open(&blob, memory, bytes);
-    if (status != PALP_OK) {
-        fprintf(stderr, "%s: %s\n", argv[1], palp_status_text(status));
-        return 1;
-    }
     instructions_open();
-    cases_of_green(&c, &blob, strtoull(argv[2], NULL, 10), 20u * (uint32_t)atoi(argv[3]));
-    cases_of_contact(&c, &blob, strtoull(argv[2], NULL, 10), (uint32_t)atoi(argv[3]));
-    return 0;
+    return run(&c, bytes, seed, episodes);
 }

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The smallest device there is: an arm on three protected drives whose joints follow a given path,
+ * as frames. Stands on core alone, for targets without a host: demo images and counted ticks.
+ */
+#ifndef PALP_SIM_ORBIT_H
+#define PALP_SIM_ORBIT_H
+
+#include "core/palp.h"
+
+typedef struct {
+    palp_e2e sent[PALP_AXES], received[PALP_AXES];
+    bool on[PALP_AXES];
+} orbit;
+
+palp_device orbit_device(float rate_hz);
+
+/* A servo over the blob's highest free node with a ball on the arm: all but cost and port. */
+palp_servo_config orbit_config(const palp_blob *blob, float rate_hz, float ball_m);
+
+/* Joint angles of a tick: a slow figure over the body that goes in and out of it. */
+void orbit_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]);
+
+/* What the drives say in a tick: one frame each to out[PALP_AXES]. */
+void orbit_speak(orbit *o, const palp_device *device, const float q_rad[PALP_AXES],
+                 palp_can_frame *out);
+/* What they are told. */
+void orbit_listen(orbit *o, const palp_device *device, const palp_can_frame *frames,
+                  uint32_t count);
+
+#endif
