@@ -13,6 +13,8 @@ int command_info(int argc, char **argv);
 int command_solve(int argc, char **argv);
 int command_study(int argc, char **argv);
 int command_reproduce(int argc, char **argv);
+int command_wcet(int argc, char **argv);
+int command_calibrate(int argc, char **argv);
 int command_pack(int argc, char **argv);
 int command_unpack(int argc, char **argv);
 /* Of sim, which uses tools. */

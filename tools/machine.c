@@ -16,9 +16,9 @@ static const struct {
     float ns_per_instruction, ns_per_byte;
     const char *basis;
 } shipped[] = {
-    {&palp_target_x86_64, 0.5f, 0.5f, "3 GHz, 1.5 cycles per instruction, memory at 2 GB/s"},
-    {&palp_target_x86_64_avx2, 0.5f, 0.5f, "3 GHz, 1.5 cycles per instruction, memory at 2 GB/s"},
-    {&palp_target_cortex_a53, 1.7f, 1.0f, "1.2 GHz, 2 cycles per instruction, memory at 1 GB/s"},
+    {&palp_target_x86_64, 0.5f, 0.1f, "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s"},
+    {&palp_target_x86_64_avx2, 0.5f, 0.1f, "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s"},
+    {&palp_target_cortex_a53, 1.7f, 0.3f, "1.2 GHz, 2 cycles per instruction, memory at 3 GB/s"},
     {&palp_target_cortex_m7, 5.0f, 0.0f,
      "400 MHz, 2 cycles per instruction, code and data in tightly coupled memory"},
     {&palp_target_counted, 0.5f, 0.0f, "not a machine: operations that the code counts itself"}};

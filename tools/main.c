@@ -17,6 +17,8 @@ static const struct {
     {"solve", command_solve, "solve one boundary value problem with a blob"},
     {"study", command_study, "error against compression of a body, every wavelet and level"},
     {"reproduce", command_reproduce, "the paper's tables and figures from our own models"},
+    {"wcet", command_wcet, "bound every step of a tick on a target, and say whether it is in time"},
+    {"calibrate", command_calibrate, "measure how fast this machine does what the bounds count"},
     {"pack", command_pack, "quantise and entropy-code a blob for transport"},
     {"unpack", command_unpack, "a packed blob back into a blob"},
     {"replay", command_replay, "re-run a recorded session bit for bit"},

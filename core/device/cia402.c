@@ -101,6 +101,7 @@ static palp_cia402_step cycle_time(uint32_t sub, float rate_hz) {
     float value = 1e3f / rate_hz;
     uint32_t exponent = 0xfdu; /* -3 */
     bool whole = palp_abs(value - (float)(uint32_t)(value + 0.5f)) < 1e-3f;
+    /* at most 5: it is above 1e-3 */
     while (!whole && value < 25.0f) {
         value *= 10.0f;
         exponent--;

@@ -59,6 +59,7 @@ static float limit(float m, float j, float c) { return m / (c + palp_sqrt(c * c 
 
 static uint32_t class_for(const palp_dyna *d, float step_s) {
     uint32_t k = 0;
+    /* at most most_class */
     for (float dt = d->config.tick_s; dt > step_s && k < d->config.most_class; dt *= 0.5f) k++;
     return k;
 }
@@ -246,6 +247,7 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
     for (uint32_t i = 0; i < d->down_count; i++) clear(d, d->down[i], s == 0u);
     if (s == 0u) d->stored_J = 0.0f;
     uint32_t top = 0;
+    /* at most PALP_STEP_CLASSES */
     while (1u << top < steps) top++;
     float dt_s = d->config.tick_s;
     for (uint32_t c = 0; c <= top; c++, dt_s *= 0.5f) {

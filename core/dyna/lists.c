@@ -79,6 +79,7 @@ static void hang_skin(palp_dyna *d) {
     uint32_t levels = t->meta->levels;
     for (uint32_t i = 0; i < t->meta->skin; i++) {
         uint32_t n = t->skin_node[i], level = levels - 1u;
+        /* at most levels */
         while (d->state[n] == PALP_ASLEEP && level > 0u) { /* ends: level 0 does not sleep */
             n = t->parent[t->parent_offset[t->family[2u * (size_t)n]]];
             level--;

@@ -94,6 +94,7 @@ static void read_tets(palp_reader *r, palp_tets *t) {
 /* The level that node i is on; i is below the number of nodes. */
 static uint32_t level_of(const palp_tets_meta *m, uint32_t i) {
     uint32_t l = 0;
+    /* at most levels */
     while (i >= m->first_node[l + 1u]) l++;
     return l;
 }

@@ -119,6 +119,7 @@ void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_ro
     for (uint32_t r = 0; r < row->count && at < end; r++) {
         uint32_t slot = row->index[r];
         at = skip_ahead(columns, first, end, at, slot);
+        /* in all at most the blocks of the column */
         while (at < end && columns->index[at] < slot) at++;
         if (at == end || columns->index[at] != slot) continue;
         for (uint32_t e = 0; e < columns->entries; e++)

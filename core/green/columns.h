@@ -31,6 +31,7 @@ static inline uint32_t palp_columns_blocks(const palp_columns *columns, uint32_t
 static inline uint32_t palp_columns_stored(const palp_columns *columns, uint32_t j) {
     uint32_t n = palp_columns_blocks(columns, j);
     const uint16_t *index = columns->index + (size_t)columns->offset[j] * PALP_LANES;
+    /* at most PALP_LANES: only the last group repeats */
     while (n > 1u && index[n - 1u] == index[n - 2u]) n--;
     return n;
 }

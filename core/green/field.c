@@ -21,6 +21,7 @@ static uint32_t count_of(const palp_field *f) {
 /* details += the column of basis function number `which` times the force */
 static void add_column(palp_field *f, uint32_t which, const float force[3]) {
     uint32_t level = 0;
+    /* at most PALP_MAX_LEVELS */
     while (which >= f->first[level + 1u]) level++;
     palp_columns_add(&f->blob->level[level].columns, which - f->first[level], force, f->detail);
 }

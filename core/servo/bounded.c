@@ -76,7 +76,7 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
                         .since_climb = HELD * CLIMB_LATEST};
     const palp_assembly *zones = config->assembly;
     set_bound(b);
-    float least_ns = palp_cost_least(&b->bound, zones != NULL ? zones->zones->blob : config->blob);
+    float least_ns = palp_cost_least(&b->bound);
     if (zones != NULL) {
         palp_moving_costs(b);
         least_ns += palp_moving_cost_least(b, config->limits.max_candidates);
@@ -167,6 +167,7 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
     const uint32_t full = PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL;
     bool crowded = (palp_ladder_contact(&b->ladder)->flags & full) != 0u;
     if (crowded || b->cut_short >= PATIENCE) drop(b, r);
+    /* at most rungs: each turn goes down one */
     while (b->ladder.rung > 0u) {
         const palp_contact *c = palp_ladder_contact(&b->ladder);
         float need =
@@ -208,6 +209,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
     uint32_t quanta = 0;
     bool more = true;
     palp_coupling_begin(&b->coupling, c, device_m);
+    /* at most PALP_COUPLING_PIVOTS max_pivots */
     while (more) {
         float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count) +
                         palp_cost_couple(&b->bound, c->active_count + 1u);

@@ -75,21 +75,31 @@ static float full_answer(const palp_touch_cost *c) {
 
 static float servo(const palp_touch_cost *c) { return PRICE(c, SERVO) + FRAMES * PRICE(c, FRAME); }
 
-float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
-    const palp_contact_limits l = cost->limits;
-    return servo(cost) + palp_cost_tail(cost, l.max_active) +
-           palp_cost_search(cost, rung, l.max_candidates, l.max_active) + full_answer(cost) +
-           (float)l.max_new * (palp_cost_admit(cost, rung, l.max_candidates - 1u, l.max_active) +
-                               PRICE(cost, QUANTUM));
+static uint32_t no_more(uint32_t limit, float nodes) {
+    return nodes < (float)limit ? (uint32_t)nodes : limit;
 }
 
-float palp_cost_least(const palp_touch_cost *cost, const palp_blob *blob) {
+float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
+    palp_touch_cost c = *cost;
+    palp_contact_limits *l = &c.limits;
+    float nodes = c.nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    l->max_candidates = no_more(l->max_candidates, nodes);
+    l->max_active = no_more(l->max_active, nodes);
+    return servo(&c) + palp_cost_tail(&c, l->max_active) +
+           palp_cost_search(&c, rung, l->max_candidates, l->max_active) + full_answer(&c) +
+           (float)l->max_new *
+               (palp_cost_admit(&c, rung, l->max_candidates, l->max_active) + PRICE(&c, QUANTUM));
+}
+
+float palp_cost_least(const palp_touch_cost *cost) {
     const palp_contact_limits l = cost->limits;
     uint32_t level = 0;
-    while (level < blob->meta->constraint_level && (cost->tables >> level & 1u) == 0u) level++;
-    uint32_t nodes = cost->zones > 1.0f ? UINT32_MAX : blob->level[level].nodes;
-    uint32_t count = nodes < l.max_candidates ? nodes : l.max_candidates;
-    uint32_t active = nodes < l.max_active ? nodes : l.max_active;
+    /* at most PALP_MAX_LEVELS */
+    while (level + 1u < PALP_MAX_LEVELS && cost->nodes[level + 1u] > 0.0f &&
+           (cost->tables >> level & 1u) == 0u)
+        level++;
+    uint32_t count = no_more(l.max_candidates, cost->nodes[level]);
+    uint32_t active = no_more(l.max_active, cost->nodes[level]);
     return servo(cost) + palp_cost_tail(cost, active) +
            palp_cost_search(cost, (palp_rung){level, level}, count, active) +
            palp_cost_answer(cost, count, active, PALP_COUPLING_SOLVES);

@@ -43,6 +43,6 @@ float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t act
 /* The whole tick: everything that the limits allow on one rung, and the least that still is an
  * answer, on the coarsest one. */
 float palp_cost_full(const palp_touch_cost *cost, palp_rung rung);
-float palp_cost_least(const palp_touch_cost *cost, const palp_blob *blob);
+float palp_cost_least(const palp_touch_cost *cost);
 
 #endif

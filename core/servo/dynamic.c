@@ -23,7 +23,8 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots) {
 static float period_ns(const palp_dynamic_config *c) { return c->cost.margin * c->tick_s * 1e9f; }
 
 /* Everything is split, level by level. */
-static void refine_all(palp_dynamic *d) {
+void palp_dynamic_refine_all(palp_dynamic *dynamic) {
+    palp_dynamic *d = dynamic;
     const palp_tets *t = d->dyna.tets;
     for (uint32_t l = 0; l + 1u < t->meta->levels; l++) {
         for (uint32_t f = t->meta->first_family[l]; f < t->meta->first_family[l + 1u]; f++)
@@ -61,7 +62,7 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
     if (bound_ns != NULL) *bound_ns = least;
     if (least > period_ns(config)) return PALP_ERR_BUDGET;
     if (!config->uniform) return PALP_OK;
-    refine_all(d);
+    palp_dynamic_refine_all(d);
     least = palp_dynamic_cost_tick(d, 0);
     if (bound_ns != NULL) *bound_ns = least;
     return least > period_ns(config) ? PALP_ERR_BUDGET : PALP_OK;
@@ -134,6 +135,7 @@ static float left_ns(const palp_dynamic *d, uint64_t start_ns) {
 /* The finest steps that fit; collapses when none does. False if not even that fits. */
 static bool choose(palp_dynamic *d, float left_ns, uint32_t *most_class, palp_dynamic_report *r) {
     *most_class = d->dyna.top_class;
+    /* at most most_class: ends at 0 */
     for (;; (*most_class)--) {
         if (palp_dynamic_cost_tick(d, *most_class) <= left_ns) break;
         r->shortened = true;
@@ -163,6 +165,7 @@ static void count_nodes(const palp_dynamic *d, palp_dynamic_report *r) {
     const palp_tets_meta *m = d->config.tets->meta;
     uint32_t level = 0;
     for (uint32_t i = 0; i < d->dyna.active_count; i++) {
+        /* in all at most levels */
         while (d->dyna.active[i] >= m->first_node[level + 1u]) level++;
         r->active[level]++;
     }
@@ -200,7 +203,7 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
 /* Numbers beyond what floats hold: the body is put back to rest, and nothing is felt. */
 static void begin_again(palp_dynamic *d, palp_dynamic_report *r) {
     palp_adapt_reset(&d->adapt);
-    if (d->config.uniform) refine_all(d);
+    if (d->config.uniform) palp_dynamic_refine_all(d);
     d->energy.allowed_J = d->energy.kinetic_J = d->energy.total_J = 0.0f;
     for (uint32_t t = 0; t < d->config.tool_count; t++)
         d->force_N[t] = (palp_vec3){0.0f, 0.0f, 0.0f};

@@ -86,6 +86,9 @@ float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 /* The coarsest mesh with one step, and adaptivity or the collapse to it: what always has to fit. */
 float palp_dynamic_cost_least(const palp_dynamic *dynamic);
 
+/* Splits everything, level by level: for comparison, and to know what that would cost. */
+void palp_dynamic_refine_all(palp_dynamic *dynamic);
+
 /* A tick that began at start_ns on the port's clock, tools at tool_m[tool_count] at its end; force
  * on each of them in force_N. */
 void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,

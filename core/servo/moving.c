@@ -51,6 +51,7 @@ static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
     palp_assembly *a = b->config.assembly;
     float step_ns = cost_at(b, level)->step;
     palp_seams_begin(&a->seams, a->posture, level);
+    /* at most two steps a seam */
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
     }
@@ -141,6 +142,7 @@ void palp_moving_spare(palp_bounded *bounded) {
         b->finer = true;
     }
     float step_ns = cost_at(b, next)->step;
+    /* at most two steps a seam */
     while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
     if (!q->factor[1u - q->now].sound) b->barred = next;
 }

@@ -64,6 +64,10 @@ typedef struct {
 
 typedef struct palp_servo palp_servo;
 
+/* Stack that any call of this library takes at most (make size prints what the compilers report).
+ */
+#define PALP_SERVO_STACK 4096u
+
 /* Memory for a servo on this blob; 0 if the limits are unsound. */
 size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits);
 

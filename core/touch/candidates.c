@@ -91,21 +91,21 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
                               const palp_tool *tools, uint32_t tool_count,
                               palp_contact_limits limits, void *memory, size_t bytes) {
     palp_arena arena = {.base = memory};
+    palp_contact *c = contact;
     uint32_t slots = blob->domain[PALP_FREE].slots;
-    palp_contact c = {.blob = blob,
-                      .position_m = position_m,
-                      .limits = limits,
-                      .bodies = 1,
-                      .first_slot = {0, slots}};
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
-    palp_status status = palp_contact_begin_use(&c, tools, tool_count);
-    if (status != PALP_OK) return status;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
-    palp_contact_lay_out(&c, &arena, longest_row(blob), slots);
-    palp_contact_clean(&c, slots);
-    *contact = c;
+    *c = (palp_contact){.blob = blob,
+                        .position_m = position_m,
+                        .limits = limits,
+                        .bodies = 1,
+                        .first_slot = {0, slots}};
+    palp_status status = palp_contact_begin_use(c, tools, tool_count);
+    if (status != PALP_OK) return status;
+    palp_contact_lay_out(c, &arena, longest_row(blob), slots);
+    palp_contact_clean(c, slots);
     return PALP_OK;
 }
 
@@ -230,6 +230,7 @@ typedef struct {
 static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth) {
     if (p->found == c->limits.max_new) c->flags |= PALP_CONTACT_DEFERRED;
     uint32_t at = p->found;
+    /* at most max_new */
     while (at > 0u && p->depth[at - 1u] < depth) at--;
     if (at == c->limits.max_new) return;
     uint32_t last = p->found < c->limits.max_new ? p->found : p->found - 1u;
@@ -442,6 +443,7 @@ static void propose_scan(palp_contact *c, proposals *p) {
     p->looks = PALP_CONTACT_SCAN;
     for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
+        /* both in all at most bodies */
         while (body > 0u && c->scan < c->first_slot[body]) body--;
         while (body + 1u < c->bodies && c->scan >= c->first_slot[body + 1u]) body++;
         uint32_t tool = (c->scan + c->probe) % tools;

@@ -248,6 +248,7 @@ bool palp_contact_step(palp_contact *contact) {
 
 palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip) {
     palp_contact_begin(contact, &about, &grip);
+    /* at most max_pivots */
     while (palp_contact_step(contact)) {}
     return palp_contact_force(contact, 0);
 }

@@ -150,7 +150,7 @@ size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
 /*
  * `position_m` (float[nodes][3]: the surface without contact, normally blob->rest_m) and `tools`
  * are kept by reference. Starts on the blob's constraint level. Errors: LIMITS, ARGUMENT (unsound
- * tools, or friction without limits.friction), MEMORY, ALIGNMENT.
+ * tools, or friction without limits.friction), MEMORY, ALIGNMENT; *contact is then not to be used.
  */
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
                               const palp_tool *tools, uint32_t tool_count,

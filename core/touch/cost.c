@@ -79,6 +79,7 @@ palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits li
     for (uint32_t l = 0; l <= m->constraint_level; l++) {
         if (blob->level[l].table != NULL) c.tables |= 1u << l;
         c.near[l] = most_near(blob, l);
+        c.nodes[l] = (float)blob->level[l].nodes;
     }
     c.row = palp_cost_row(price, blob, m->max_row);
     c.extraction = palp_cost_extract(price, blob, m->max_row, m->max_groups);
@@ -111,6 +112,7 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
             modes += (float)zones->seam[zones->part[i].seam[k]].level_modes[finest];
         all.modes = palp_max(all.modes, modes);
     }
+    for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) all.nodes[l] = (float)PALP_MAX_CANDIDATES;
     all.place = PRICE(&all, PLACE) + PRICE(&all, PLACE_MODE) * all.modes;
     all.evaluation += all.place;
     all.nearest = PRICE(&all, NEAREST) + PRICE(&all, CELL) * (all.cells + DESCENT * all.ring);

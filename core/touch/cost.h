@@ -26,14 +26,15 @@ typedef struct {
     float tools, evaluation; /* how many; the dearest */
     float cells, ring,
         children; /* most nodes in 27 cells, neighbours of a node, children of a slot */
-    float near[PALP_MAX_LEVELS]; /* most neighbours of a slot of each level */
-    float slots;                 /* of the free domain */
-    uint32_t tables;             /* bit per level that has one */
-    float row, extraction;       /* one row of W^-1, one block of G from a compressed column */
-    float zones, modes;          /* of a multizone model: bodies, modes of the one that has most */
-    float place, pairs;          /* where a node is; 2 if zones touch each other, else 1 */
-    float nearest;               /* a nearest node sought on one zone */
-    float seam_row, unknowns;    /* of the seams' level in use: one candidate's row, its length */
+    float near[PALP_MAX_LEVELS];  /* most neighbours of a slot of each level */
+    float nodes[PALP_MAX_LEVELS]; /* of each level: no more candidates than that */
+    float slots;                  /* of the free domain */
+    uint32_t tables;              /* bit per level that has one */
+    float row, extraction;        /* one row of W^-1, one block of G from a compressed column */
+    float zones, modes;           /* of a multizone model: bodies, modes of the one that has most */
+    float place, pairs;           /* where a node is; 2 if zones touch each other, else 1 */
+    float nearest;                /* a nearest node sought on one zone */
+    float seam_row, unknowns;     /* of the seams' level in use: one candidate's row, its length */
 } palp_touch_cost;
 
 palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits limits,

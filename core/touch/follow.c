@@ -43,21 +43,22 @@ static uint32_t longest_row(const palp_zones *z) {
     return longest;
 }
 
-static palp_contact shape(const palp_zones *z, uint32_t finest, palp_contact_limits limits) {
-    palp_contact c = {.blob = &z->blob[0], .limits = limits, .bodies = z->meta->zones};
-    for (uint32_t i = 0; i < c.bodies; i++)
-        c.first_slot[i + 1u] = c.first_slot[i] + z->blob[i].domain[PALP_FREE].slots;
+static void shape(palp_contact *c, const palp_zones *z, uint32_t finest,
+                  palp_contact_limits limits) {
+    *c = (palp_contact){.blob = &z->blob[0], .limits = limits, .bodies = z->meta->zones};
+    for (uint32_t i = 0; i < c->bodies; i++)
+        c->first_slot[i + 1u] = c->first_slot[i] + z->blob[i].domain[PALP_FREE].slots;
     for (uint32_t s = 0; s < z->meta->seams; s++)
-        c.seam_width += 3u * z->seam[s].level_modes[finest];
-    if (c.seam_width == 0u) c.seam_width = 1u;
-    return c;
+        c->seam_width += 3u * z->seam[s].level_modes[finest];
+    if (c->seam_width == 0u) c->seam_width = 1u;
 }
 
 size_t palp_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
                                   palp_contact_limits limits) {
     if (finest >= PALP_SEAM_LEVELS) return 0;
-    palp_contact c = shape(zones, finest, limits);
+    palp_contact c;
     palp_arena arena = {0};
+    shape(&c, zones, finest, limits);
     palp_contact_lay_out(&c, &arena, longest_row(zones), most_slots(zones));
     return arena.used;
 }
@@ -79,23 +80,24 @@ palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assemb
                                     const palp_tool *tools, uint32_t tool_count,
                                     palp_contact_limits limits, void *memory, size_t bytes) {
     const palp_zones *z = assembly->zones;
+    const uint32_t finest = assembly->seams.finest;
     palp_arena arena = {.base = memory};
+    palp_contact *c = contact;
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (limits.friction) return PALP_ERR_ARGUMENT;
-    palp_contact c = shape(z, assembly->seams.finest, limits);
-    palp_status status = palp_contact_begin_use(&c, tools, tool_count);
-    if (status != PALP_OK) return status;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_contact_memsize_zones(z, assembly->seams.finest, limits))
-        return PALP_ERR_MEMORY;
-    c.assembly = assembly;
-    c.pairs = pairs;
-    for (uint32_t i = 0; i < c.bodies; i++)
-        c.size_m[PALP_ZONE_TOOL] = palp_max(c.size_m[PALP_ZONE_TOOL], z->blob[i].meta->mean_edge_m);
-    c.place_work = place_work(assembly);
-    palp_contact_lay_out(&c, &arena, longest_row(z), most_slots(z));
-    palp_contact_clean(&c, most_slots(z));
-    *contact = c;
+    if (bytes < palp_contact_memsize_zones(z, finest, limits)) return PALP_ERR_MEMORY;
+    shape(c, z, finest, limits);
+    palp_status status = palp_contact_begin_use(c, tools, tool_count);
+    if (status != PALP_OK) return status;
+    c->assembly = assembly;
+    c->pairs = pairs;
+    for (uint32_t i = 0; i < c->bodies; i++)
+        c->size_m[PALP_ZONE_TOOL] =
+            palp_max(c->size_m[PALP_ZONE_TOOL], z->blob[i].meta->mean_edge_m);
+    c->place_work = place_work(assembly);
+    palp_contact_lay_out(c, &arena, longest_row(z), most_slots(z));
+    palp_contact_clean(c, most_slots(z));
     return PALP_OK;
 }
 
@@ -331,6 +333,7 @@ uint32_t palp_contact_search_pairs(palp_contact *contact, palp_fresh *fresh, uin
     }
     for (uint32_t i = 0; i < PALP_CONTACT_PAIR_SCAN && i < all && found < room; i++) {
         c->pair_scan = c->pair_scan + 1u < all ? c->pair_scan + 1u : 0u;
+        /* both in all at most bodies */
         while (body > 0u && c->pair_scan < c->first_slot[body]) body--;
         while (body + 1u < c->bodies && c->pair_scan >= c->first_slot[body + 1u]) body++;
         const palp_blob *b = palp_contact_blob(c, body);

@@ -21,11 +21,12 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_ladder_memsize(blob, limits)) return PALP_ERR_MEMORY;
     palp_arena arena = {.base = memory};
-    palp_ladder l = {.now = 0};
+    palp_ladder *l = ladder;
     size_t each = palp_contact_memsize(blob, limits);
+    *l = (palp_ladder){.now = 0};
     for (uint32_t k = 0; k < 2; k++) {
         void *part = palp_take(&arena, each, 1);
-        palp_status status = palp_contact_init(&l.contact[k], blob, position_m, tools, tool_count,
+        palp_status status = palp_contact_init(&l->contact[k], blob, position_m, tools, tool_count,
                                                limits, part, each);
         if (status != PALP_OK) return status;
     }
@@ -33,12 +34,11 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
         bool table = blob->level[level].table != NULL;
         bool usable = table || level == blob->meta->constraint_level;
         if (!usable || blob->level[level].nodes == 0u) continue;
-        bool below = l.rungs > 0u && l.at[l.rungs - 1u].level + 1u == level;
-        if (table && below) l.at[l.rungs++] = (palp_rung){level, level - 1u};
-        l.at[l.rungs++] = (palp_rung){level, level};
+        bool below = l->rungs > 0u && l->at[l->rungs - 1u].level + 1u == level;
+        if (table && below) l->at[l->rungs++] = (palp_rung){level, level - 1u};
+        l->at[l->rungs++] = (palp_rung){level, level};
     }
-    l.rung = l.rungs - 1u;
-    *ladder = l;
+    l->rung = l->rungs - 1u;
     return PALP_OK;
 }
 
@@ -46,11 +46,9 @@ palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly,
                                    const palp_tool *tools, uint32_t tool_count,
                                    palp_contact_limits limits, void *memory, size_t bytes) {
     uint32_t level = assembly->zones->blob[0].meta->constraint_level;
-    palp_ladder l = {.rungs = 1, .at = {{level, level}}};
-    palp_status status = palp_contact_init_zones(&l.contact[0], assembly, pairs, tools, tool_count,
-                                                 limits, memory, bytes);
-    if (status == PALP_OK) *ladder = l;
-    return status;
+    *ladder = (palp_ladder){.rungs = 1, .at = {{level, level}}};
+    return palp_contact_init_zones(&ladder->contact[0], assembly, pairs, tools, tool_count, limits,
+                                   memory, bytes);
 }
 
 void palp_ladder_clear(palp_ladder *ladder) {

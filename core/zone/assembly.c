@@ -33,15 +33,20 @@ static uint32_t count_modes(const palp_zones *z, uint32_t finest) {
     return sum;
 }
 
-size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
+/* Apart, so that its frame is not there while the seams are measured. */
+__attribute__((noinline)) static size_t memsize_with(const palp_zones *zones, uint32_t finest,
+                                                     size_t seams) {
     palp_arena arena = {0};
     palp_assembly a = {.zones = zones};
-    size_t seams = palp_seams_memsize(zones, finest);
-    if (seams == 0u) return 0;
     (void)palp_take(&arena, seams, 1);
     a.seams.modes = count_modes(zones, finest);
     lay_out(&a, &arena);
     return arena.used;
+}
+
+size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
+    size_t seams = palp_seams_memsize(zones, finest);
+    return seams > 0u ? memsize_with(zones, finest, seams) : 0u;
 }
 
 /* How each free slot of a zone moves by unit acceleration along each axis. */

@@ -21,6 +21,7 @@ static bool meet(const palp_zones *z, uint32_t s, uint32_t t) {
 
 static uint32_t count_of(uint64_t mask) {
     uint32_t n = 0;
+    /* at most 64: one bit a turn */
     for (; mask != 0u; mask &= mask - 1u) n++;
     return n;
 }
@@ -264,6 +265,7 @@ bool palp_seams_take(palp_seams *seams) {
 
 palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level) {
     palp_seams_begin(seams, posture, level);
+    /* at most two steps a seam */
     while (palp_seams_step(seams)) {}
     return palp_seams_take(seams) ? PALP_OK : PALP_ERR_NOT_SPD;
 }

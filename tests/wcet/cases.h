@@ -5,36 +5,55 @@
 
 #include "core/palp.h"
 #include "instructions.h"
+#include "tools/hunt.h"
 
 /* What a bound is made of: how many of each kind of work (the bound at unit prices). */
 typedef struct {
     float count[PALP_WORKS];
 } features;
 
-/* Told of every case: the operation, the constraint level (or what stands for it), the features of
- * its bound, and the instructions counted. */
-typedef void (*case_sink)(const char *operation, uint32_t level, const features *f,
-                          uint64_t counted);
-
-/* A generator that is the same everywhere. */
-typedef struct {
-    uint64_t state;
-} dice;
-static inline uint32_t dice_roll(dice *d) {
-    d->state = d->state * 6364136223846793005ull + 1442695040888963407ull;
-    return (uint32_t)(d->state >> 33);
-}
-static inline uint32_t dice_below(dice *d, uint32_t n) { return dice_roll(d) % n; }
-/* -1..1 */
-static inline float dice_float(dice *d) { return (float)dice_below(d, 20001) / 10000.0f - 1.0f; }
-
-/* Kept by one run of cases: memory is taken from one block and given back by setting `used`. */
-typedef struct {
+/*
+ * One run of cases. Every case is told as operation, level (constraint level, or what stands for
+ * it), instructions counted, and either its bound at `price` or, without one, the features of its
+ * bound. Memory is taken from one block and given back by setting `used`.
+ */
+typedef struct cases {
     uint8_t *memory;
     size_t bytes, used;
-    case_sink sink;
+    const palp_prices *price;
+    void (*sink)(struct cases *c, const char *operation, uint32_t level, const features *f,
+                 float bound, uint64_t counted);
 } cases;
 void *cases_take(cases *c, size_t bytes);
+
+/* How many prices bounds are to be had at, and which: the one given, or one of each kind. */
+static inline uint32_t cases_prices(const cases *c) { return c->price != NULL ? 1u : PALP_WORKS; }
+static inline palp_prices cases_price(const cases *c, uint32_t k) {
+    palp_prices one = {{0}};
+    if (c->price != NULL) return *c->price;
+    one.of[k] = 1.0f;
+    return one;
+}
+/* Tells of a case by its bound at each of those. */
+typedef float (*bound_at)(const void *what, uint32_t k);
+static inline void cases_tell(cases *c, const char *operation, uint32_t level, bound_at bound,
+                              const void *what, uint64_t counted) {
+    features f = {{0}};
+    if (c->price != NULL) {
+        c->sink(c, operation, level, NULL, bound(what, 0), counted);
+        return;
+    }
+    for (uint32_t k = 0; k < PALP_WORKS; k++) f.count[k] = bound(what, k);
+    c->sink(c, operation, level, &f, 0.0f, counted);
+}
+/* The same of features written down. */
+static inline void cases_tell_features(cases *c, const char *operation, uint32_t level,
+                                       const features *f, uint64_t counted) {
+    float bound = 0.0f;
+    for (uint32_t k = 0; c->price != NULL && k < PALP_WORKS; k++)
+        bound += f->count[k] * c->price->of[k];
+    c->sink(c, operation, level, f, bound, counted);
+}
 
 /* `episodes` of contact on a blob, from `seed`: tools, limits, levels and paths of all kinds. */
 void cases_of_contact(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);

@@ -23,11 +23,21 @@ typedef struct {
     bool begins, due, out, in, solved;
 } step;
 
+typedef struct {
+    const episode *e;
+    bound_of bound;
+    const step *what;
+} question;
+
+static float answer(const void *context, uint32_t k) {
+    const question *q = context;
+    return q->bound(&q->e->unit[k], q->what);
+}
+
 static void tell(episode *e, const char *name, uint32_t level, bound_of bound, const step *what,
                  uint64_t counted) {
-    features f;
-    for (uint32_t k = 0; k < PALP_WORKS; k++) f.count[k] = bound(&e->unit[k], what);
-    e->c->sink(name, level, &f, counted);
+    const question q = {e, bound, what};
+    cases_tell(e->c, name, level, answer, &q, counted);
 }
 
 static float of_search(const palp_touch_cost *c, const void *what) {
@@ -233,10 +243,9 @@ static void one_tick(episode *e, dice *d, palp_fresh *fresh) {
 /* ---- episodes ---- */
 
 static void price_units(episode *e) {
-    for (uint32_t k = 0; k < PALP_WORKS; k++) {
-        palp_prices one = {{0}};
-        one.of[k] = 1.0f;
-        e->unit[k] = palp_touch_cost_of(e->blob, e->limits, e->tool, e->tools, &one);
+    for (uint32_t k = 0; k < cases_prices(e->c); k++) {
+        palp_prices price = cases_price(e->c, k);
+        e->unit[k] = palp_touch_cost_of(e->blob, e->limits, e->tool, e->tools, &price);
     }
 }
 

@@ -37,7 +37,7 @@ static void count_search(cases *c, poked *p, palp_vec3 at) {
     set(&f, PALP_WORK_SKIN_TOOL, p->body.config.tets->meta->skin);
     set(&f, PALP_WORK_SPOT, looks);
     set(&f, PALP_WORK_ROOM, looks > i->max_spots ? (looks - i->max_spots) * i->max_spots : 0u);
-    c->sink("impose", 0, &f, after - before);
+    cases_tell_features(c, "impose", 0, &f, after - before);
 }
 
 static void count_steps(cases *c, poked *p, uint32_t most_class) {
@@ -56,7 +56,7 @@ static void count_steps(cases *c, poked *p, uint32_t most_class) {
         palp_impose_step(&p->body.impose, s, steps);
         palp_dyna_follow(d);
         uint64_t after = instructions();
-        c->sink("steps", s == 0u, &f, after - before);
+        cases_tell_features(c, "steps", s == 0u, &f, after - before);
     }
     palp_impose_end(&p->body.impose, &force);
 }
@@ -80,7 +80,7 @@ static void count_end(cases *c, poked *p, float room) {
         set(&f, PALP_WORK_LIST_SKIN, t->meta->skin);
         set(&f, PALP_WORK_SOURCE, t->mean_offset[t->meta->nodes]);
     }
-    c->sink("adapt", p->body.changed, &f, after - before);
+    cases_tell_features(c, "adapt", p->body.changed, &f, after - before);
 }
 
 void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t episodes) {
@@ -90,7 +90,7 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
         poked *p = cases_take(c, sizeof *p);
         uint32_t spots = 16u << dice_below(&d, 3);
         size_t bytes = palp_dynamic_memsize(tets, spots);
-        p->tool = palp_tool_sphere(tets->meta->diagonal_m * (0.04f + 0.03f * dice_float(&d)));
+        p->tool = palp_tool_sphere(tets->meta->diagonal_m * (0.08f + 0.07f * dice_float(&d)));
         palp_dynamic_config config = {.tets = tets,
                                       .material = palp_material_of(4e3f, 0.4f, 1000, 3e-4f, 5),
                                       .adapt = palp_adapt_defaults(tets),

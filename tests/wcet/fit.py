@@ -24,8 +24,15 @@ p.add_argument("--head-room", type=float, default=1.03)
 p.add_argument("--table", nargs=2, metavar=("NAME", "IDENTIFIER"))
 p.add_argument("--levels", action="store_true")
 p.add_argument("--price", default="core/base/price.h")
+p.add_argument("--counted", default="core/servo/counted.c")
 a = p.parse_args()
 names = re.findall(r"X\((\w+), \"(\w+)\"", open(a.price).read())
+
+# No kind is for nothing, even where the cases cannot tell it from another: half of what the code
+# itself counts for it.
+least = np.zeros(len(names))
+for kind, ops in re.findall(r"\[PALP_WORK_(\w+)\] = (\d+)", open(a.counted).read().split("palp_bytes")[0]):
+    least[[n[0] for n in names].index(kind)] = 0.5 * float(ops)
 
 worst = {}  # (operation, level, features) -> most instructions
 for path in a.cases:
@@ -60,11 +67,11 @@ say = np.array([0.01 if k[0].split("@")[0] in SUMS else 1 for k in classes])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
 r = linprog(np.concatenate([f[:, used].T @ (say[cls] / np.bincount(cls)[cls] / counted), say]), A_ub=vstack([floor, largest]),
-            b_ub=np.concatenate([-a.head_room * counted, np.zeros(n)]), bounds=(0, None), method="highs")
+            b_ub=np.concatenate([-a.head_room * counted, np.zeros(n)]), bounds=[(x, None) for x in least[used]] + [(0, None)] * c, method="highs")
 if r.status != 0:
     raise SystemExit("no fit: " + r.message)
 r.x = r.x[:u]
-w = np.zeros(len(names))
+w = 2 * least
 w[used] = r.x
 bound = f @ w
 if a.table:

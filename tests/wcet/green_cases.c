@@ -20,15 +20,23 @@ static float of_inverse(const palp_prices *p, const palp_blob *blob, uint32_t a,
     return palp_cost_inverse(p, blob, a);
 }
 
+typedef struct {
+    const cases *c;
+    green_bound bound;
+    const palp_blob *blob;
+    uint32_t a, b;
+} question;
+
+static float answer(const void *context, uint32_t k) {
+    const question *q = context;
+    palp_prices price = cases_price(q->c, k);
+    return q->bound(&price, q->blob, q->a, q->b);
+}
+
 static void tell(cases *c, const char *name, uint32_t level, green_bound bound,
                  const palp_blob *blob, uint32_t a, uint32_t b, uint64_t counted) {
-    features f;
-    for (uint32_t k = 0; k < PALP_WORKS; k++) {
-        palp_prices one = {{0}};
-        one.of[k] = 1.0f;
-        f.count[k] = bound(&one, blob, a, b);
-    }
-    c->sink(name, level, &f, counted);
+    const question q = {c, bound, blob, a, b};
+    cases_tell(c, name, level, answer, &q, counted);
 }
 
 void cases_of_green(cases *c, const palp_blob *blob, uint64_t seed, uint32_t rounds) {

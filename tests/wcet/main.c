@@ -1,8 +1,14 @@
 /* SPDX-License-Identifier: MIT */
-/* Runs cases and prints each: operation, level, instructions, and the named counts of its bound. */
+/*
+ * Runs cases. With a BLOB, SEED and EPISODES prints each: operation, level, instructions, and the
+ * named counts of its bound. With a TARGET too, holds each against its bound there, and prints of
+ * each operation and level: cases, most instructions counted, largest bound, the largest share of
+ * its bound that a case took, and how many took more than their bound.
+ */
 #include "cases.h"
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 void *cases_take(cases *c, size_t bytes) {
     uint8_t *p = c->memory + c->used;
@@ -14,12 +20,57 @@ void *cases_take(cases *c, size_t bytes) {
     return p;
 }
 
-static void print_case(const char *operation, uint32_t level, const features *f, uint64_t counted) {
+static void print_case(cases *c, const char *operation, uint32_t level, const features *f,
+                       float bound, uint64_t counted) {
+    (void)c;
+    (void)bound;
     printf("%s %u %lu", operation, (unsigned)level, (unsigned long)counted);
     for (uint32_t k = 0; k < PALP_WORKS; k++) {
         if (f->count[k] > 0.0f) printf(" %u:%.7g", (unsigned)k, (double)f->count[k]);
     }
     printf("\n");
+}
+
+#define CLASSES 256u
+static struct {
+    const char *operation;
+    uint32_t level, cases, beyond;
+    uint64_t counted;
+    float bound, share;
+} class[CLASSES];
+
+static void hold_case(cases *c, const char *operation, uint32_t level, const features *f,
+                      float bound, uint64_t counted) {
+    uint32_t i = 0;
+    (void)c;
+    (void)f;
+    while (i < CLASSES - 1u && class[i].operation != NULL &&
+           (strcmp(class[i].operation, operation) != 0 || class[i].level != level))
+        i++;
+    class[i].operation = operation;
+    class[i].level = level;
+    class[i].cases++;
+    class[i].beyond += (float)counted > bound;
+    class[i].counted = counted > class[i].counted ? counted : class[i].counted;
+    class[i].bound = palp_max(class[i].bound, bound);
+    class[i].share = palp_max(class[i].share, (float)counted / bound);
+}
+
+static void print_classes(void) {
+    for (uint32_t i = 0; i < CLASSES && class[i].operation != NULL; i++)
+        printf("%s %u %u %lu %.0f %.4f %u\n", class[i].operation, (unsigned)class[i].level,
+               (unsigned)class[i].cases, (unsigned long)class[i].counted, (double)class[i].bound,
+               (double)class[i].share, (unsigned)class[i].beyond);
+}
+
+static const palp_target *find_target(const char *name) {
+    static const palp_target *const all[] = {&palp_target_x86_64, &palp_target_x86_64_avx2,
+                                             &palp_target_cortex_a53, &palp_target_cortex_m7};
+    for (uint32_t i = 0; i < 4u; i++) {
+        if (strcmp(all[i]->name, name) == 0) return all[i];
+    }
+    fprintf(stderr, "cases: no target '%s'\n", name);
+    exit(2);
 }
 
 #ifdef CASES_AT /* memory that no linker script knows */
@@ -53,11 +104,15 @@ static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes) {
 
 int main(int argc, char **argv) {
     if (argc < 4) {
-        fprintf(stderr, "usage: cases BLOB SEED EPISODES\n");
+        fprintf(stderr, "usage: cases BLOB SEED EPISODES [TARGET]\n");
         return 2;
     }
     FILE *f = fopen(argv[1], "rb");
-    cases c = {memory, MEMORY_BYTES, 0, print_case};
+    cases c = {memory, MEMORY_BYTES, 0, NULL, print_case};
+    if (argc > 4) {
+        c.price = &find_target(argv[4])->instructions;
+        c.sink = hold_case;
+    }
     if (f == NULL) {
         fprintf(stderr, "%s: cannot be opened\n", argv[1]);
         return 2;
@@ -68,5 +123,7 @@ int main(int argc, char **argv) {
     fclose(f);
     (void)cases_take(&c, bytes);
     instructions_open();
-    return run(&c, bytes, seed, episodes);
+    int status = run(&c, bytes, seed, episodes);
+    print_classes();
+    return status;
 }

@@ -33,11 +33,21 @@ static float of_follow(const grip *g, uint32_t u, uint32_t level) {
                             unknowns(g, level), of_solve(g, u, level));
 }
 
+typedef struct {
+    const grip *g;
+    seam_bound bound;
+    uint32_t level;
+} question;
+
+static float answer(const void *context, uint32_t k) {
+    const question *q = context;
+    return q->bound(q->g, k, q->level);
+}
+
 static void tell(cases *c, const grip *g, const char *name, seam_bound bound, uint32_t level,
                  uint64_t counted) {
-    features f;
-    for (uint32_t k = 0; k < PALP_WORKS; k++) f.count[k] = bound(g, k, level);
-    c->sink(name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, &f, counted);
+    const question q = {g, bound, level};
+    cases_tell(c, name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, answer, &q, counted);
 }
 
 static void one_posture(cases *c, grip *g, dice *d, palp_fresh *fresh) {
@@ -90,11 +100,10 @@ void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uin
             PALP_OK)
             break;
         g->tool = palp_tool_sphere(1.5f * g->zones.blob[0].meta->mean_edge_m);
-        for (uint32_t k = 0; k < PALP_WORKS; k++) {
-            palp_prices one = {{0}};
-            one.of[k] = 1.0f;
+        for (uint32_t k = 0; k < cases_prices(c); k++) {
+            palp_prices price = cases_price(c, k);
             g->unit[k] =
-                palp_touch_cost_of_zones(&g->zones, finest, true, limits, &g->tool, 1, &one);
+                palp_touch_cost_of_zones(&g->zones, finest, true, limits, &g->tool, 1, &price);
         }
         room = palp_contact_memsize_zones(&g->zones, finest, limits);
         if (palp_contact_init_zones(&g->contact, &g->assembly, true, &g->tool, 1, limits,

@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A controller without an operating system: opens the blob in flash, and ticks with a device whose
+ * joints go round (sim/orbit.h) until TICKS are done. Prints what the image takes, what its ticks
+ * took, and a hash of every frame and force, which is the same on every machine.
+ */
+#include "semihost.h"
+#include "sim/orbit.h"
+#include "systick.h"
+
+#ifndef TICKS
+#define TICKS 4000u
+#endif
+#ifndef RATE_HZ
+#define RATE_HZ 1000.0f
+#endif
+#ifndef MEMORY_BYTES
+#define MEMORY_BYTES (256u << 10)
+#endif
+#define STATE_TICKS 400u /* until the drives are on and the force has risen */
+
+extern const uint8_t blob_begin[], blob_end[];
+extern uint8_t data_begin, bss_end, data_load, data_end;
+int main(void);
+
+static _Alignas(64) uint8_t memory[MEMORY_BYTES];
+static orbit device;
+static uint64_t hash = 1469598103934665603ull;
+
+static void print_number(const char *before, uint64_t number, const char *after) {
+    char text[24];
+    uint32_t at = sizeof text - 1u;
+    text[at] = '\0';
+    do {
+        text[--at] = (char)('0' + number % 10u);
+        number /= 10u;
+    } while (number > 0u);
+    semihost_print(before);
+    semihost_print(text + at);
+    semihost_print(after);
+}
+
+static void print_hash(void) {
+    static const char digit[] = "0123456789abcdef";
+    char line[23] = "hash ";
+    for (uint32_t i = 0; i < 16u; i++) line[5u + i] = digit[hash >> (60u - 4u * i) & 15u];
+    line[21] = '\n';
+    line[22] = '\0';
+    semihost_print(line);
+}
+
+static void mix(const void *data, uint32_t bytes) {
+    const uint8_t *p = data;
+    for (uint32_t i = 0; i < bytes; i++) hash = (hash ^ p[i]) * 1099511628211ull;
+}
+
+/* What is worth knowing of the ticks in which the force was on. */
+typedef struct {
+    uint64_t ticks, sum, most, level[PALP_MAX_LEVELS], late;
+    uint32_t candidates, active;
+    float force_N;
+} tally;
+
+static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_t i, tally *t) {
+    palp_can_frame in[PALP_AXES], out[PALP_SERVO_FRAMES_OUT];
+    palp_report r;
+    float q[PALP_AXES];
+    orbit_path(i, i < STATE_TICKS ? 0.0f : 0.12f, q);
+    orbit_speak(&device, &config->device, q, in);
+    const palp_tick_input input = {.frames = in, .count = PALP_AXES};
+    uint64_t begun = systick_instructions();
+    uint32_t sent = palp_servo_tick(servo, &input, out, &r);
+    uint64_t took = systick_instructions() - begun;
+    palp_servo_spare(servo);
+    orbit_listen(&device, &config->device, out, sent);
+    for (uint32_t k = 0; k < sent; k++) mix(out[k].data, out[k].length);
+    mix(&r.force_N, sizeof r.force_N);
+    if (r.state != PALP_STATE_RUN) return;
+    t->ticks++;
+    t->sum += took;
+    t->most = took > t->most ? took : t->most;
+    t->level[r.level]++;
+    t->late += r.elapsed_ns > 0.8e9f / RATE_HZ ? 1u : 0u;
+    t->candidates = r.candidates > t->candidates ? r.candidates : t->candidates;
+    t->active = r.active > t->active ? r.active : t->active;
+    t->force_N = palp_max(t->force_N, palp_norm(r.force_N));
+}
+
+static void print_tally(const tally *t) {
+    print_number("ticks with force ", t->ticks, "\n");
+    if (t->ticks == 0u) return;
+    print_number("instructions a tick: mean ", t->sum / t->ticks, "");
+    print_number(", most ", t->most, "\n");
+    print_number("most candidates ", t->candidates, "");
+    print_number(", in contact ", t->active, "");
+    print_number(", largest force ", (uint64_t)(1000.0f * t->force_N), " mN\n");
+    for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) {
+        if (t->level[l] == 0u) continue;
+        print_number("ticks on level ", l, "");
+        print_number(": ", t->level[l], "\n");
+    }
+    print_number("late ", t->late, "\n");
+}
+
+int main(void) {
+    palp_blob blob;
+    palp_servo *servo;
+    tally t = {.ticks = 0};
+    float bound_ns = 0.0f;
+    const uint32_t bytes = (uint32_t)(blob_end - blob_begin);
+    systick_start();
+    palp_status status = palp_blob_open(&blob, blob_begin, bytes);
+    print_number("blob ", bytes, " bytes in flash");
+    print_number(", opened in ", systick_instructions(), " instructions\n");
+    if (status != PALP_OK) {
+        semihost_print(palp_status_text(status));
+        return 1;
+    }
+    palp_servo_config config = orbit_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
+    config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
+    config.port = (palp_port){systick_now_ns, NULL};
+    print_number("data and memory ", (uint64_t)(&bss_end - &data_begin), " bytes of RAM");
+    print_number(", servo ", palp_servo_memsize(&blob, config.limits), " of them\n");
+    status = palp_servo_open(&servo, &blob, &config, memory, sizeof memory, &bound_ns);
+    print_number("least answer at most ", (uint64_t)bound_ns, " ns\n");
+    if (status != PALP_OK) {
+        semihost_print(palp_status_text(status));
+        semihost_print("\n");
+        return 1;
+    }
+    for (uint32_t i = 0; i < TICKS; i++) one_tick(servo, &config, i, &t);
+    print_tally(&t);
+    print_hash();
+    return 0;
+}

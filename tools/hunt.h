@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Hunting the dearest tick: a ball goes over a body in a way that a few numbers describe, and the
+ * numbers of what was dear are changed a little, again and again. Stands on core alone, so that the
+ * same hunt runs on bare targets, where instructions are counted.
+ */
+#ifndef PALP_TOOLS_HUNT_H
+#define PALP_TOOLS_HUNT_H
+
+#include "core/palp.h"
+
+/* A generator that is the same everywhere. */
+typedef struct {
+    uint64_t state;
+} dice;
+static inline uint32_t dice_roll(dice *d) {
+    d->state = d->state * 6364136223846793005ull + 1442695040888963407ull;
+    return (uint32_t)(d->state >> 33);
+}
+static inline uint32_t dice_below(dice *d, uint32_t n) { return dice_roll(d) % n; }
+/* -1..1 */
+static inline float dice_float(dice *d) { return (float)dice_below(d, 20001) / 10000.0f - 1.0f; }
+
+/* A ball of `radius` mean edges on a spring of a share of the body's stiffness dwells at a node for
+ * some ticks, sunk by a share of its radius that changes by `swing`, trembles by a share of an
+ * edge, and goes to another node, anywhere or next to it. */
+typedef struct {
+    uint32_t dwell;
+    float radius, stiffness, sunk, swing, tremble, far;
+    uint64_t seed;
+} hunt_path;
+
+hunt_path hunt_random(dice *d);
+hunt_path hunt_mutated(hunt_path path, dice *d);
+
+/* What was done in a tick, as its report and the contact tell afterwards. */
+typedef struct {
+    palp_rung rung;
+    uint32_t count_before, active_before, count, active, admitted, solves, pivots;
+    bool due;      /* the factor may have been made afresh */
+    uint64_t cost; /* by the clock of the hunt */
+} hunt_tick;
+
+/* The bound of that: the sum of its steps, each with the most candidates and contacts there were.
+ */
+float hunt_bound(const palp_touch_cost *cost, const hunt_tick *tick);
+
+typedef struct {
+    const palp_blob *blob;
+    palp_contact_limits limits;
+    palp_port port; /* its clock prices ticks; it gives no tick too little time */
+    void *memory;   /* palp_bounded_memsize */
+    size_t bytes;
+    void (*told)(void *context, const hunt_tick *tick); /* of every tick that was not cut short */
+    void *context;
+    void (*chill)(void); /* before every tick; may be NULL */
+    palp_bounded bounded;
+    palp_tool tool;
+} hunter;
+
+/* Ticks along one path. False if the servo cannot be opened. */
+bool hunt_run(hunter *h, const hunt_path *path, uint32_t ticks);
+
+#endif

@@ -1,0 +1,405 @@
+/* SPDX-License-Identifier: MIT */
+/* palp wcet: what every step of a tick costs at most on a target, and whether that is in time. */
+#include "args.h"
+#include "commands.h"
+#include "hunt.h"
+#include "machine.h"
+#include "util.h"
+#include "wcet.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: palp wcet BLOB [--rate HZ] [--target NAME|FILE] [--limits K N NEW PIVOTS] "
+    "[--friction]\n"
+    "                      [--tool ball|pad|cylinder] [--margin SHARE] [--hunt SECONDS] [--keep "
+    "FILE]\n"
+    "                      [--replay FILE] [--json]\n"
+    "\n"
+    "What each step of a tick costs at most on each constraint level, in instructions, bytes "
+    "touched and\n"
+    "time, and whether a servo at this rate is opened (the least answer fits) or refused.\n"
+    "\n"
+    "  --rate HZ         default 1000\n"
+    "  --target          x86-64, x86-64-avx2, cortex-a53, cortex-m7, or a file of palp calibrate;\n"
+    "                    default: what this program was built for\n"
+    "  --limits          candidates, contacts, new candidates a tick, pivots a solve (96 48 4 12)\n"
+    "  --friction        keep what friction needs\n"
+    "  --tool            what touches (default ball)\n"
+    "  --margin SHARE    of the period that belongs to the tick (default 0.8)\n"
+    "  --hunt SECONDS    search for the dearest tick: how near to the bound work can come\n"
+    "  --keep FILE       write the path of the dearest tick found\n"
+    "  --replay FILE     go along that path again and print what its ticks did\n"
+    "  --json            for programs\n";
+
+static const option options[] = {{"--rate", 1},     {"--target", 1}, {"--limits", 4},
+                                 {"--friction", 0}, {"--tool", 1},   {"--margin", 1},
+                                 {"--hunt", 1},     {"--keep", 1},   {"--replay", 1},
+                                 {"--json", 0},     {NULL, 0}};
+
+static void set_option(void *context, const argument *a) {
+    static const char *const tools[] = {"ball", "pad", "cylinder", NULL};
+    wcet_spec *s = context;
+    if (a->option == NULL) {
+        if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
+        s->blob = a->value[0];
+    } else if (strcmp(a->option, "--rate") == 0) {
+        s->rate_hz = arg_between(a, 0, 1e6);
+    } else if (strcmp(a->option, "--target") == 0) {
+        s->target = a->value[0];
+    } else if (strcmp(a->option, "--limits") == 0) {
+        s->limits.max_candidates = arg_u32(a, 0, 1, PALP_MAX_CANDIDATES);
+        s->limits.max_active = arg_u32(a, 1, 1, s->limits.max_candidates);
+        s->limits.max_new = arg_u32(a, 2, 1, s->limits.max_candidates);
+        s->limits.max_pivots = arg_u32(a, 3, 1, 1000);
+    } else if (strcmp(a->option, "--friction") == 0) {
+        s->limits.friction = true;
+    } else if (strcmp(a->option, "--tool") == 0) {
+        s->tool = (wcet_tool)arg_word(a, tools);
+    } else if (strcmp(a->option, "--margin") == 0) {
+        s->margin = arg_upto(a, 1);
+        if (!(s->margin > 0)) die(EXIT_USAGE, "--margin: above 0 and at most 1");
+    } else if (strcmp(a->option, "--hunt") == 0) {
+        s->hunt_s = arg_between(a, 0, 1e6);
+    } else if (strcmp(a->option, "--keep") == 0) {
+        s->keep = a->value[0];
+    } else if (strcmp(a->option, "--replay") == 0) {
+        s->replay = a->value[0];
+    } else {
+        s->json = true;
+    }
+}
+
+/* ---- one row of the table ---- */
+
+static void add(wcet_table *t, const char *step, const char *counts, int level, int outer,
+                double instructions, double bytes) {
+    t->row = grow(t->row, &t->capacity, t->rows + 1, sizeof *t->row);
+    wcet_row *r = &t->row[t->rows++];
+    *r = (wcet_row){.level = level, .outer = outer, .instructions = instructions, .bytes = bytes};
+    snprintf(r->step, sizeof r->step, "%s", step);
+    snprintf(r->counts, sizeof r->counts, "%s", counts);
+}
+
+/* ---- one body ---- */
+
+typedef struct {
+    palp_touch_cost instructions, bytes;
+    wcet_table *table;
+    int level, outer;
+    palp_rung rung;
+} body;
+
+typedef float (*body_bound)(const palp_touch_cost *c, palp_rung rung);
+
+static float search(const palp_touch_cost *c, palp_rung r) {
+    return palp_cost_search(c, r, c->limits.max_candidates, c->limits.max_active);
+}
+static float admit(const palp_touch_cost *c, palp_rung r) {
+    return palp_cost_admit(c, r, c->limits.max_candidates - 1u, c->limits.max_active);
+}
+static float begin(const palp_touch_cost *c, palp_rung r) {
+    (void)r;
+    return palp_cost_begin(c, c->limits.max_candidates);
+}
+static float refactor(const palp_touch_cost *c, palp_rung r) {
+    (void)r;
+    return palp_cost_refactor(c, c->limits.max_active);
+}
+static float pivot(const palp_touch_cost *c, palp_rung r) {
+    (void)r;
+    return palp_cost_pivot(c, c->limits.max_candidates, c->limits.max_active);
+}
+static float couple(const palp_touch_cost *c, palp_rung r) {
+    (void)r;
+    return palp_cost_couple(c, c->limits.max_active);
+}
+static float leave(const palp_touch_cost *c, palp_rung r) {
+    (void)r;
+    return palp_cost_leave(c, c->limits.max_active);
+}
+static float retreat(const palp_touch_cost *c, palp_rung r) {
+    return palp_cost_change(c, r, c->limits.max_candidates, c->limits.max_active);
+}
+
+static void bound(body *b, const char *step, const char *counts, body_bound of) {
+    add(b->table, step, counts, b->level, b->outer, (double)of(&b->instructions, b->rung),
+        (double)of(&b->bytes, b->rung));
+}
+
+/* The steps that are the same on every level, then those of each rung, from coarse to fine. */
+static void tabulate(body *b, palp_ladder *ladder) {
+    char all[64], one[64];
+    const palp_contact_limits l = b->instructions.limits;
+    snprintf(all, sizeof all, "%u candidates, %u in contact", l.max_candidates, l.max_active);
+    snprintf(one, sizeof one, "%u in contact", l.max_active);
+    for (uint32_t r = 0; r < ladder->rungs; r++) {
+        b->rung = ladder->at[r];
+        b->level = (int)b->rung.level;
+        b->outer = (int)b->rung.outer;
+        bound(b, "search", all, search);
+        bound(b, "admit", all, admit);
+        bound(b, "begin", all, begin);
+        bound(b, "refactor", one, refactor);
+        bound(b, "pivot", all, pivot);
+        bound(b, "couple", one, couple);
+        bound(b, "leave", one, leave);
+        if (r + 1 < ladder->rungs) bound(b, "retreat", all, retreat);
+        bound(b, "tick", "all that the limits allow", palp_cost_full);
+    }
+    b->level = b->outer = (int)ladder->at[0].level;
+    add(b->table, "least", "the least answer, which always has to fit", b->level, b->outer,
+        (double)palp_cost_least(&b->instructions), (double)palp_cost_least(&b->bytes));
+}
+
+/* Levels whose compliances contact can use. */
+static palp_ladder rungs_of(const palp_blob *blob, palp_contact_limits limits,
+                            const palp_tool *tool) {
+    palp_ladder l;
+    size_t bytes = palp_ladder_memsize(blob, limits);
+    void *memory = allocate_aligned(bytes, 1);
+    palp_status status = palp_ladder_init(&l, blob, blob->rest_m, tool, 1, limits, memory, bytes);
+    if (status != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(status));
+    free(memory);
+    return l;
+}
+
+static palp_tool tool_of(const wcet_spec *s, float size) {
+    palp_tool t = palp_tool_sphere(size);
+    if (s->tool == WCET_BALL) return t;
+    t.balls = 0;
+    if (s->tool == WCET_PAD) {
+        t.pad = (palp_pad){.axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                           .half_m = {size, size},
+                           .edge_m = 0.3f * size};
+    } else {
+        t.cylinder = (palp_cylinder){
+            .axis = {0, 0, 1}, .radius_m = size, .half_m = size, .rim_m = 0.3f * size};
+    }
+    return t;
+}
+
+static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
+    if (palp_blob_has(blob, PALP_META_SCALAR))
+        die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
+    palp_tool tool = tool_of(s, 2 * blob->meta->mean_edge_m);
+    palp_ladder ladder = rungs_of(blob, s->limits, &tool);
+    body b = {.instructions =
+                  palp_touch_cost_of(blob, s->limits, &tool, 1, &m->target.instructions),
+              .bytes = palp_touch_cost_of(blob, s->limits, &tool, 1, &palp_bytes_touched),
+              .table = t};
+    tabulate(&b, &ladder);
+    t->ram_bytes = palp_servo_memsize(blob, s->limits);
+    t->stack_bytes = PALP_SERVO_STACK;
+}
+
+/* ---- a multizone model ---- */
+
+static void bound_zones(const wcet_spec *s, const machine *m, const void *data, size_t bytes,
+                        wcet_table *t) {
+    static palp_zones z;
+    static palp_assembly a;
+    const palp_prices *price[2] = {&m->target.instructions, &palp_bytes_touched};
+    const uint32_t finest = PALP_SEAM_LEVELS - 1u;
+    palp_status status = palp_zones_open(&z, data, bytes);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
+    size_t room = palp_assembly_memsize(&z, finest);
+    status = palp_assembly_init(&a, &z, finest, allocate_aligned(room, 1), room);
+    if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
+    palp_tool tool = tool_of(s, 2 * z.blob[0].meta->mean_edge_m);
+    palp_touch_cost c[2];
+    for (int k = 0; k < 2; k++)
+        c[k] = palp_touch_cost_of_zones(&z, finest, true, s->limits, &tool, 1, price[k]);
+    double least[2] = {0, 0};
+    for (uint32_t i = 0; i <= PALP_SEAM_LEVELS; i++) { /* the approximation first */
+        uint32_t level = i == 0 ? PALP_DIAGONAL : i - 1u;
+        double factor[2], settle[2], follow[2];
+        for (int k = 0; k < 2; k++) {
+            float unknowns = 0;
+            for (uint32_t q = 0; q < z.meta->seams; q++)
+                unknowns += 3.0f * (float)palp_seam_modes(&a.seams, q, level);
+            float solve = palp_seams_cost_solve(&a.seams, price[k], level);
+            factor[k] = (double)palp_seams_cost_factor(&a.seams, price[k], level);
+            settle[k] = (double)palp_assembly_cost_settle(&a, price[k], level);
+            follow[k] = (double)palp_cost_follow(&c[k], s->limits.max_candidates,
+                                                 s->limits.max_active, unknowns, solve);
+            if (i == 0) least[k] = factor[k] + 2 * settle[k] + follow[k];
+        }
+        int shown = (int)i - 1; /* -1: the approximation */
+        add(t, "factor", "all seams", shown, shown, factor[0], factor[1]);
+        add(t, "settle", "all seams", shown, shown, settle[0], settle[1]);
+        add(t, "follow", "all candidates", shown, shown, follow[0], follow[1]);
+        add(t, "tick", "all that the limits allow", shown, shown,
+            factor[0] + 2 * settle[0] + follow[0] +
+                (double)palp_cost_full(&c[0], (palp_rung){0, 0}),
+            factor[1] + 2 * settle[1] + follow[1] +
+                (double)palp_cost_full(&c[1], (palp_rung){0, 0}));
+    }
+    add(t, "least", "approximate seams, least answer", -1, -1,
+        least[0] + (double)palp_cost_least(&c[0]), least[1] + (double)palp_cost_least(&c[1]));
+    t->ram_bytes = room + palp_bounded_memsize_zones(&z, finest, s->limits);
+    t->stack_bytes = PALP_SERVO_STACK;
+}
+
+/* ---- a dynamic body ---- */
+
+static uint64_t no_clock(void *context) {
+    (void)context;
+    return 0;
+}
+
+static void bound_tets(const wcet_spec *s, const machine *m, const void *data, size_t bytes,
+                       wcet_table *t) {
+    static palp_dynamic d;
+    palp_tets tets;
+    const uint32_t spots = 64;
+    palp_status status = palp_tets_open(&tets, data, bytes);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
+    const palp_tets_meta *meta = tets.meta;
+    palp_tool tool = tool_of(s, 0.05f * meta->diagonal_m);
+    palp_target bytes_target = {.name = "bytes", .instructions = palp_bytes_touched};
+    const palp_target *target[2] = {&m->target, &bytes_target};
+    size_t room = palp_dynamic_memsize(&tets, spots);
+    void *memory = allocate_aligned(room, 1);
+    double least[2], adapt[2], tick[2][PALP_STEP_CLASSES], coarse[2];
+    for (int k = 0; k < 2; k++) {
+        palp_dynamic_config c = {.tets = &tets,
+                                 .material = palp_material_of(meta->young_Pa, meta->poisson,
+                                                              meta->density_kg_m3, meta->damping_s,
+                                                              meta->drag_per_s),
+                                 .adapt = palp_adapt_defaults(&tets),
+                                 .tools = &tool,
+                                 .tool_count = 1,
+                                 .max_spots = spots,
+                                 .most_class = PALP_STEP_CLASSES - 1u,
+                                 .cost = {target[k], 1.0f, 0.0f, 1.0f},
+                                 .port = {.now_ns = no_clock},
+                                 .tick_s = (float)(1 / s->rate_hz)};
+        palp_vec3 at = {0};
+        status = palp_dynamic_init(&d, &c, &at, memory, room, NULL);
+        if (status != PALP_OK && status != PALP_ERR_BUDGET)
+            die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
+        least[k] = (double)palp_dynamic_cost_least(&d);
+        adapt[k] = (double)palp_dynamic_cost_adapt(&d);
+        coarse[k] = (double)palp_dynamic_cost_tick(&d, 0);
+        palp_dynamic_refine_all(&d);
+        for (uint32_t q = 0; q < PALP_STEP_CLASSES; q++)
+            tick[k][q] = (double)palp_dynamic_cost_tick(&d, q);
+    }
+    add(t, "adapt", "all families, all changes", 0, 0, adapt[0], adapt[1]);
+    add(t, "tick", "coarsest mesh, one step", 0, 0, coarse[0], coarse[1]);
+    for (uint32_t q = 0; q < PALP_STEP_CLASSES; q++) {
+        char counts[64];
+        snprintf(counts, sizeof counts, "finest mesh, %u steps", palp_dyna_steps(&d.dyna, q));
+        if (q > 0 && palp_dyna_steps(&d.dyna, q) == palp_dyna_steps(&d.dyna, q - 1u)) break;
+        add(t, "tick", counts, (int)meta->levels - 1, (int)meta->levels - 1, tick[0][q],
+            tick[1][q]);
+    }
+    add(t, "least", "coarsest mesh, one step, all merged", 0, 0, least[0], least[1]);
+    t->ram_bytes = room;
+    t->stack_bytes = PALP_SERVO_STACK;
+    free(memory);
+}
+
+/* ---- what comes of it ---- */
+
+static double time_us(const machine *m, const wcet_row *r) {
+    return 1e-3 *
+           (r->instructions * (double)m->ns_per_instruction + r->bytes * (double)m->ns_per_byte);
+}
+
+/* The finest level on which a tick always does all that its limits allow; -1 if on none. */
+static int finest_in_time(const wcet_table *t, const machine *m, double budget_us) {
+    int finest = -1;
+    for (size_t i = 0; i < t->rows; i++) {
+        const wcet_row *r = &t->row[i];
+        bool whole = strcmp(r->step, "tick") == 0 && r->outer == r->level;
+        if (whole && r->level > finest && time_us(m, r) <= budget_us) finest = r->level;
+    }
+    return finest;
+}
+
+static void print_json(const wcet_spec *s, const machine *m, const wcet_table *t, int finest,
+                       bool fits) {
+    double period_us = 1e6 / s->rate_hz;
+    printf(
+        "{\"rate_hz\":%.9g,\"period_us\":%.9g,\"target\":\"%s\",\"basis\":\"%s\",\"margin\":%.9g,"
+        "\"steps\":[",
+        s->rate_hz, period_us, m->target.name, m->basis, s->margin);
+    for (size_t i = 0; i < t->rows; i++) {
+        const wcet_row *r = &t->row[i];
+        printf("%s{\"step\":\"%s\",\"level\":%d,\"outer\":%d,\"counts\":\"%s\","
+               "\"instructions_max\":%.0f,\"time_us_max\":%.6g,\"bytes_max\":%.0f,\"share\":%.4g}",
+               i > 0 ? "," : "", r->step, r->level, r->outer, r->counts, ceil(r->instructions),
+               time_us(m, r), ceil(r->bytes), time_us(m, r) / period_us);
+    }
+    printf("],\"ram_bytes\":%zu,\"stack_bytes\":%zu,\"finest_level_in_time\":%d,"
+           "\"verdict\":\"%s\"}\n",
+           t->ram_bytes, t->stack_bytes, finest, fits ? "fits" : "refused");
+}
+
+static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t, int finest,
+                       bool fits) {
+    double period_us = 1e6 / s->rate_hz;
+    printf("%s at %g Hz on %s: %.3g ns an instruction, %.3g ns a byte (%s)\n\n", s->blob,
+           s->rate_hz, m->target.name, (double)m->ns_per_instruction, (double)m->ns_per_byte,
+           m->basis);
+    printf("%-6s %-9s %14s %11s %8s %11s  %s\n", "level", "step", "instructions", "us", "share",
+           "bytes", "with");
+    for (size_t i = 0; i < t->rows; i++) {
+        const wcet_row *r = &t->row[i];
+        char level[16];
+        snprintf(level, sizeof level, r->outer != r->level ? "%d/%d" : "%d", r->level, r->outer);
+        if (r->level < 0) snprintf(level, sizeof level, "approx");
+        printf("%-6s %-9s %14.0f %11.4g %7.1f%% %11.0f  %s\n", level, r->step,
+               ceil(r->instructions), time_us(m, r), 100 * time_us(m, r) / period_us,
+               ceil(r->bytes), r->counts);
+    }
+    printf("\nmemory %zu bytes, stack %zu bytes\n", t->ram_bytes, t->stack_bytes);
+    if (!fits) {
+        printf("refused: the least answer needs %.4g us, %.4g of %.4g us are the tick's\n",
+               time_us(m, &t->row[t->rows - 1]), s->margin * period_us, period_us);
+    } else if (finest < 0) {
+        printf("fits: an answer is always in time; with all that the limits allow it may be cut "
+               "short on every level\n");
+    } else {
+        printf("fits: an answer is always in time, and whole up to level %d\n", finest);
+    }
+}
+
+int command_wcet(int argc, char **argv) {
+    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .limits = PALP_CONTACT_DEFAULTS};
+    machine m;
+    wcet_table t = {.rows = 0};
+    args_parse(argc, argv, options, help, set_option, &s);
+    if (s.blob == NULL) die(EXIT_USAGE, "which blob? (palp wcet --help)");
+    if (s.keep != NULL && !(s.hunt_s > 0)) die(EXIT_USAGE, "--keep goes with --hunt");
+    const palp_target *own = machine_of_this_build();
+    if (s.target == NULL && own == NULL)
+        die(EXIT_USAGE, "no cost table is shipped for this machine: give one with --target");
+    machine_find(&m, s.target != NULL ? s.target : own->name);
+    size_t bytes;
+    void *data = read_file(s.blob, &bytes);
+    bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
+    if ((zones || tets) && (s.hunt_s > 0 || s.replay != NULL))
+        die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
+    if (zones && s.limits.friction) die(EXIT_USAGE, "--friction: not offered on multizone models");
+    if (zones) {
+        bound_zones(&s, &m, data, bytes, &t);
+    } else if (tets) {
+        bound_tets(&s, &m, data, bytes, &t);
+    } else {
+        palp_blob blob = open_blob(s.blob, data, bytes);
+        if (s.replay != NULL) return wcet_replay(&s, &m, &blob);
+        bound_body(&s, &m, &blob, &t);
+        if (s.hunt_s > 0) wcet_hunt(&s, &m, &blob);
+    }
+    double budget_us = s.margin * 1e6 / s.rate_hz;
+    bool fits = time_us(&m, &t.row[t.rows - 1]) <= budget_us;
+    (s.json ? print_json : print_text)(&s, &m, &t, finest_in_time(&t, &m, budget_us), fits);
+    return EXIT_SUCCESS;
+}
