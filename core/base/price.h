@@ -38,6 +38,7 @@
     X(EXTRACT, "extract", "an extraction begun")                                                   \
     X(EXTRACT_ENTRY, "extract_entry", "one entry of the row in it")                                \
     X(EXTRACT_SKIP, "extract_skip", "one index of the column passed")                              \
+    X(EXTRACT_MATCH, "extract_match", "one entry that may meet its block")                         \
     X(BEGIN, "begin", "a contact solve begun")                                                     \
     X(TARGET, "target", "one candidate linearised")                                                \
     X(PIVOT, "pivot", "an active set step")                                                        \

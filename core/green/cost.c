@@ -15,9 +15,10 @@ float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t en
 float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_t entries,
                         uint32_t groups) {
     bool half = blob->level[blob->meta->constraint_level].columns.half != NULL;
-    float entry = PRICE(EXTRACT_ENTRY) + (half ? PRICE(EXTRACT_HALF) : 0.0f);
-    return PRICE(EXTRACT) + (float)entries * entry +
-           (float)(groups * PALP_LANES) * PRICE(EXTRACT_SKIP);
+    float match = PRICE(EXTRACT_MATCH) + (half ? PRICE(EXTRACT_HALF) : 0.0f);
+    uint32_t blocks = groups * PALP_LANES, matches = entries < blocks ? entries : blocks;
+    return PRICE(EXTRACT) + (float)entries * PRICE(EXTRACT_ENTRY) + (float)matches * match +
+           (float)blocks * PRICE(EXTRACT_SKIP);
 }
 
 float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t groups) {
@@ -34,6 +35,6 @@ float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_
         terms += 2.0f * (float)(d->level_start[l + 1u] - d->level_start[l]) +
                  (float)d->child_offset[d->level_start[l]];
     }
-    return (float)level * PRICE(TRANSFORM) + slots * PRICE(TRANSFORM_SLOT) +
+    return (float)(level + 1u) * PRICE(TRANSFORM) + slots * PRICE(TRANSFORM_SLOT) +
            terms * PRICE(TRANSFORM_TERM);
 }

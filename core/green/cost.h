@@ -14,15 +14,16 @@
 float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t entries);
 
 /* palp_columns_extract, a row of `entries` with a column of `groups`: EXTRACT + entries
- * EXTRACT_ENTRY (from halves + EXTRACT_HALF) + 8 groups EXTRACT_SKIP. */
+ * EXTRACT_ENTRY + 8 groups EXTRACT_SKIP + the fewer of both EXTRACT_MATCH (from halves +
+ * EXTRACT_HALF). */
 float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_t entries,
                         uint32_t groups);
 
 /* palp_columns_add: ADD + groups (ADD_GROUP, from halves + ADD_HALF). */
 float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t groups);
 
-/* palp_wavelet_inverse up to `level`: of each level TRANSFORM + the slots up to it TRANSFORM_SLOT +
- * (2 per odd slot + the children of all below) TRANSFORM_TERM. */
+/* palp_wavelet_inverse up to `level`: TRANSFORM, and of each level TRANSFORM + the slots up to it
+ * TRANSFORM_SLOT + (2 per odd slot + the children of all below) TRANSFORM_TERM. */
 float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_t level);
 
 #endif

@@ -259,19 +259,31 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
 
 /* ---- spare time ---- */
 
+/* Whether a tick on `rung` with `load` of `count` candidates in contact, and giving it up, leave
+ * time to spare. */
+static bool rung_fits(const palp_bounded *b, uint32_t rung, uint32_t count, uint32_t load) {
+    palp_rung at = b->ladder.at[rung];
+    float need = b->tail_ns + palp_cost_search(&b->bound, at, count, load) +
+                 palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
+    float retreat = palp_cost_load(&b->bound, at, load, load) +
+                    palp_cost_change(&b->bound, at, load, load) +
+                    palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
+    float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
+    return need + retreat <= share;
+}
+
 /* Whether the next finer rung would have room and time to spare. */
 static bool finer_fits(palp_bounded *b) {
     uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung + 1u);
     uint32_t count = least(2u * load, b->config.limits.max_candidates);
     if ((float)load > CLIMB_SHARE * (float)b->config.limits.max_active) return false;
-    uint32_t now = palp_ladder_contact(&b->ladder)->active_count;
-    palp_rung finer = b->ladder.at[b->ladder.rung + 1u];
-    float need = b->tail_ns + palp_cost_search(&b->bound, finer, count, load) +
-                 palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
-    float retreat = palp_cost_change(&b->bound, finer, load, now) +
-                    palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
-    float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
-    return need + retreat <= share;
+    return rung_fits(b, b->ladder.rung + 1u, count, load);
+}
+
+/* Without contact: back to the finest rung, if contact could begin there. */
+static void begin_finer(palp_bounded *b) {
+    uint32_t load = least(SPARE_HATS, b->config.limits.max_active);
+    if (rung_fits(b, b->ladder.rungs - 1u, load, load)) palp_ladder_clear(&b->ladder);
 }
 
 void palp_bounded_spare(palp_bounded *bounded) {
@@ -281,7 +293,7 @@ void palp_bounded_spare(palp_bounded *bounded) {
     if (b->config.assembly != NULL) palp_moving_spare(b);
     if (l->rung + 1u >= l->rungs) return;
     if (palp_ladder_contact(l)->active_count == 0u) {
-        palp_ladder_clear(l);
+        begin_finer(b);
         return;
     }
     if (!l->preparing && ++l->waited < b->climb_wait) return;

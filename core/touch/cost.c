@@ -139,12 +139,14 @@ float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t cou
     float free_tools = c->zones > 1.0f || active == 0u ? c->tools : c->tools - 1.0f;
     float walked = least((float)PALP_CONTACT_WALK, k);
     float asked = (walked * near + free_tools * c->zones) * (mixed(rung) ? MIXED : 1.0f);
-    float looks = (float)PALP_CONTACT_SCAN + least((float)PALP_CONTACT_LOOKS, asked);
+    float nodes = c->nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    float scanned = least((float)PALP_CONTACT_SCAN, nodes > 0.0f ? nodes : c->slots);
+    float looks = scanned + least((float)PALP_CONTACT_LOOKS, asked);
     float sum = PRICE(c, SEARCH) + k * (PRICE(c, CANDIDATE) + c->evaluation) +
                 idle * n * PRICE(c, IDLE) + c->tools * n * PRICE(c, FORCE) +
                 least((float)c->limits.max_new, idle) * drop(c, k) + free_tools * c->zones * seek +
                 walked * (PRICE(c, CHILD) * c->children + near * PRICE(c, NEIGHBOUR)) +
-                (float)PALP_CONTACT_SCAN * PRICE(c, NEIGHBOUR) + looks * look;
+                scanned * PRICE(c, NEIGHBOUR) + looks * look;
     if (c->pairs > 1.0f) { /* each node that is looked at finds its nearest on every other zone */
         float pairs = (float)PALP_CONTACT_PAIR_SCAN * (c->zones - 1.0f) + c->ring;
         sum += pairs * (c->nearest + c->row + 2.0f * c->place + PRICE(c, NEIGHBOUR));

@@ -92,7 +92,7 @@ float palp_cost_relieve(const palp_touch_cost *cost, uint32_t count, uint32_t ac
 float palp_cost_couple(const palp_touch_cost *cost, uint32_t active);
 
 /* palp_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE) + n^2 IDLE
- * + 3 n ACTIVE, with friction + T (FRICTION + n^2 FRICTION_PAIR). */
+ * + 3 n ACTIVE, with friction + T FRICTION + n^2 FRICTION_PAIR. */
 float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
 
 /* palp_ladder_load: CHANGE + T (n FORCE + 3 levels words MARK_WORD) + (n + h) (CARRY + children

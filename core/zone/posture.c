@@ -40,7 +40,6 @@ static bool is_motion(const palp_frame *f) {
 void palp_posture_set(palp_posture *posture, const palp_zones *zones, const float *value,
                       const palp_frame *root) {
     palp_posture *p = posture;
-    palp_frame joint[PALP_MAX_JOINTS];
     p->clamped = 0;
     p->open_m = p->open_rad = 0.0f;
     if (is_motion(root)) {
@@ -59,16 +58,16 @@ void palp_posture_set(palp_posture *posture, const palp_zones *zones, const floa
         }
         p->value[j] = palp_clamp(wanted, e->low, e->high);
         if (wanted < e->low || wanted > e->high) p->clamped++;
-        joint[j] = motion(e, p->value[j]);
     }
     for (uint32_t i = 1; i < zones->meta->zones; i++) {
         uint32_t j = zones->zone[i].joint;
-        p->frame[i] = palp_frame_compose(&p->frame[zones->joint[j].parent], &joint[j]);
+        palp_frame turned = motion(&zones->joint[j], p->value[j]);
+        p->frame[i] = palp_frame_compose(&p->frame[zones->joint[j].parent], &turned);
     }
     for (uint32_t s = 0; s < zones->meta->seams; s++) {
         const palp_seam_entry *e = &zones->seam[s];
         p->relative[s] = e->joint != PALP_NONE
-                             ? joint[e->joint]
+                             ? motion(&zones->joint[e->joint], p->value[e->joint])
                              : palp_frame_between(&p->frame[e->zone[0]], &p->frame[e->zone[1]]);
     }
     for (uint32_t j = 0; j < zones->meta->joints; j++) {

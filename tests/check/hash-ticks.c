@@ -18,13 +18,19 @@ static void mix(const void *data, size_t bytes) {
     for (size_t i = 0; i < bytes; i++) hash = (hash ^ p[i]) * 1099511628211ull;
 }
 
+/* For good; not every target's libc has aligned_alloc. */
+static void *aligned(size_t bytes) {
+    uint8_t *p = malloc(bytes + 64);
+    return p == NULL ? NULL : p + (64 - (uintptr_t)p % 64);
+}
+
 static void *load(const char *path, size_t *bytes) {
     FILE *f = fopen(path, "rb");
     if (f == NULL) exit(2);
     fseek(f, 0, SEEK_END);
     *bytes = (size_t)ftell(f);
     rewind(f);
-    void *data = aligned_alloc(64, (*bytes + 63) / 64 * 64);
+    void *data = aligned(*bytes);
     if (fread(data, 1, *bytes, f) != *bytes) exit(1);
     fclose(f);
     return data;
@@ -44,7 +50,7 @@ static void move_zones(const char *path) {
     void *data = load(path, &bytes);
     if (palp_zones_open(&zones, data, bytes) != PALP_OK) exit(1);
     size_t room = palp_assembly_memsize(&zones, 4);
-    if (palp_assembly_init(&assembly, &zones, 4, aligned_alloc(64, room), room) != PALP_OK) exit(1);
+    if (palp_assembly_init(&assembly, &zones, 4, aligned(room), room) != PALP_OK) exit(1);
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
     palp_bounded_config config = {.assembly = &assembly,
@@ -56,7 +62,7 @@ static void move_zones(const char *path) {
                                   .port = {.now_ns = work_clock},
                                   .dt_s = 1e-3f};
     room = palp_bounded_memsize_zones(&zones, 4, config.limits);
-    if (palp_bounded_init(&bounded, &config, aligned_alloc(64, room), room, NULL) != PALP_OK)
+    if (palp_bounded_init(&bounded, &config, aligned(room), room, NULL) != PALP_OK)
         exit(1);
     bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {
@@ -98,7 +104,7 @@ static void move_body(const char *path) {
                                         .tick_s = 1e-3f};
     palp_vec3 at = {0.05f, 0.01f, 0.04f}, force;
     size_t size = palp_dynamic_memsize(&tets, 32);
-    if (palp_dynamic_init(&body, &config, &at, aligned_alloc(64, size), size, NULL) != PALP_OK)
+    if (palp_dynamic_init(&body, &config, &at, aligned(size), size, NULL) != PALP_OK)
         exit(1);
     for (int k = 0; k < 500; k++) {
         palp_dynamic_report report;
@@ -153,7 +159,7 @@ int main(int argc, char **argv) {
     config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1],
                                             blob.rest_m[3 * top + 2] + 0.012f};
     size_t size = palp_servo_memsize(&blob, config.limits);
-    if (palp_servo_open(&servo, &blob, &config, aligned_alloc(64, size), size, NULL) != PALP_OK)
+    if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK)
         return 1;
 
     FILE *log = fopen(argv[2], "r");

@@ -2,6 +2,7 @@
 /* A hosted program on a bare Cortex-M under QEMU: newlib over semihosting, and the arguments from
  * the command line there (-append, or -semihosting-config arg=...). */
 #include "port/cortexm/semihost.h"
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,15 @@ void _init(void); /* newlib's exit wants them */
 void _fini(void);
 void _init(void) {}
 void _fini(void) {}
+
+/* With -Wl,--wrap=_sbrk: the heap in the board's PSRAM, which newlib does not know of. */
+void *__wrap__sbrk(ptrdiff_t bytes);
+void *__wrap__sbrk(ptrdiff_t bytes) {
+    static uint8_t *heap = (uint8_t *)0x60000000u;
+    uint8_t *block = heap;
+    heap += bytes;
+    return block;
+}
 
 int main(void) {
     static char line[512];

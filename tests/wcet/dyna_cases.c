@@ -90,7 +90,9 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
         poked *p = cases_take(c, sizeof *p);
         uint32_t spots = 16u << dice_below(&d, 3);
         size_t bytes = palp_dynamic_memsize(tets, spots);
-        p->tool = palp_tool_sphere(tets->meta->diagonal_m * (0.08f + 0.07f * dice_float(&d)));
+        p->tool =
+            palp_tool_sphere(tets->meta->diagonal_m *
+                             (dice_below(&d, 3) == 0u ? 0.6f : 0.08f + 0.07f * dice_float(&d)));
         palp_dynamic_config config = {.tets = tets,
                                       .material = palp_material_of(4e3f, 0.4f, 1000, 3e-4f, 5),
                                       .adapt = palp_adapt_defaults(tets),

@@ -17,7 +17,10 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, hstack, vstack
 
-SUMS = ("whole", "answer", "session", "tick", "drop", "climb", "load", "follow")
+# How much the tightness of an operation's bound matters: sums of many steps are held, but shape
+# little, as their slack is that of counts, not of prices.
+SAY = {"whole": 0.01, "session": 0.01, "tick": 0.01, "drop": 0.05, "climb": 0.05, "follow": 0.05,
+       "load": 0.2, "step": 6, "begin": 4, "search": 3, "admit": 2, "leave": 2}
 p = argparse.ArgumentParser()
 p.add_argument("cases", nargs="+")
 p.add_argument("--head-room", type=float, default=1.03)
@@ -62,8 +65,7 @@ most = np.zeros(len(classes))
 np.maximum.at(most, cls, counted)
 used = np.asarray(f.sum(axis=0)).ravel() > 0
 u, c, n = used.sum(), len(classes), len(counted)
-# Sums of many steps are held, but shape nothing: their slack is that of counts, not of prices.
-say = np.array([0.01 if k[0].split("@")[0] in SUMS else 1 for k in classes])
+say = np.array([SAY.get(k[0].split("@")[0], 1) for k in classes])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
 r = linprog(np.concatenate([f[:, used].T @ (say[cls] / np.bincount(cls)[cls] / counted), say]), A_ub=vstack([floor, largest]),

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: MIT
+# What the library takes: code, data and the deepest stack of every target that can be built here, and memory that the
+# memsize functions ask for. size.sh [BLOB ...]; exit 1 if there is mutable data, or more than 4 KiB of stack.
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+failed=0
+flags="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -I. -fcallgraph-info=su"
+target() { # target NAME COMPILER FLAGS...
+    name=$1 compiler=$2
+    shift 2
+    if ! command -v "$compiler" >/dev/null; then echo "$name: $compiler is not installed (make deps)"; return; fi
+    rm -rf "$work/o" && mkdir "$work/o"
+    for c in core/*/*.c; do echo "$c $work/o/$(echo "$c" | tr / _).o"; done |
+        xargs -P 4 -n 2 sh -c "$compiler $flags $* -c \$0 -o \$1"
+    tool=${compiler%gcc}
+    "${tool}size" -A "$work"/o/*.o | awk -v n="$name" '
+        $1 ~ /^\.text/ {t += $2} $1 ~ /^\.rodata/ {r += $2} $1 ~ /^\.data($|\.[^r])/ {d += $2} $1 ~ /^\.bss/ {b += $2}
+        END {printf "%s: code %d, constants %d, mutable data %d, zeroed data %d bytes\n", n, t, r, d, b; exit d + b > 0}' ||
+        failed=1
+    python3 tests/callgraph.py "$work"/o/*.ci > "$work/stack" || failed=1
+    sed 's/^/    /' "$work/stack"
+    deepest=$(awk 'NR == 2 {print $1}' "$work/stack")
+    [ "$deepest" -le 4096 ] || { echo "    more than 4096 bytes of stack"; failed=1; }
+}
+target x86-64 gcc
+target x86-64-avx2 gcc -mavx2
+target cortex-a53 aarch64-linux-gnu-gcc
+target cortex-m7 arm-none-eabi-gcc -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard
+target cortex-m55 arm-none-eabi-gcc -mthumb -mcpu=cortex-m55 -mfloat-abi=hard
+for blob in "$@"; do
+    echo "memory for $blob (palp wcet):"
+    for limits in "96 48 4 12" "40 24 4 12" "16 8 2 6"; do
+        "$BUILD/palp" wcet "$blob" --limits $limits | sed -n "s/^memory/    limits $limits:/p"
+    done
+done
+exit $failed
