@@ -64,10 +64,13 @@ bool palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q
     }
     j->sample_rad[j->newest] = q_rad;
     j->sample_tick[j->newest] = j->ticks;
-    j->dq_rad_s = windowed_slope(j, limits->step_rad) / dt_s;
     j->q_rad = q_rad;
     j->age = 0;
     j->bad_in_a_row = 0;
     j->known = true;
     return true;
+}
+
+void palp_joint_velocity(palp_joint *joint, const palp_joint_limits *limits, float dt_s) {
+    joint->dq_rad_s = windowed_slope(joint, limits->step_rad) / dt_s;
 }

@@ -37,7 +37,11 @@ typedef struct {
 void palp_joint_age(palp_joint *joint, uint32_t periods);
 
 /* Takes a reading in; false when it is not believed. A second one in the same tick replaces the
- * first. Cost: at most PALP_JOINT_WINDOW^2 / 2 compares. */
+ * first. Constant time. */
 bool palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q_rad, float dt_s);
+
+/* Estimates the velocity anew, once all readings of a tick are in. Cost: at most
+ * PALP_JOINT_WINDOW^2 / 2 compares. */
+void palp_joint_velocity(palp_joint *joint, const palp_joint_limits *limits, float dt_s);
 
 #endif

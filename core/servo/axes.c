@@ -94,6 +94,8 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
     }
     for (uint32_t f = 0; f < count; f++) take_frame(axes, device, &frames[f], strict, counters);
     for (uint32_t i = 0; i < axes->count; i++) {
+        if (axes->joint[i].age == 0u)
+            palp_joint_velocity(&axes->joint[i], &axes->limits[i], 1.0f / device->drives.rate_hz);
         if (strict && axes->joint[i].age > 0u) counters->late++;
     }
 }

@@ -136,12 +136,12 @@ static float retreat_look_ns(const palp_bounded *b) {
 /* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
 static float retreat_ns(palp_bounded *b) {
     if (b->ladder.rung == 0u) return 0.0f;
-    uint32_t load = least(palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS,
-                          b->config.limits.max_candidates);
+    uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS;
+    uint32_t count = least(load, b->config.limits.max_candidates);
     uint32_t active = least(load, b->config.limits.max_active);
     uint32_t now = palp_ladder_contact(&b->ladder)->active_count;
     return palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load, now) +
-           palp_cost_answer(&b->bound, load, active, LEAST_PIVOTS);
+           palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS);
 }
 
 /* ---- the tick ---- */

@@ -270,9 +270,10 @@ float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load
 float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load,
                        uint32_t active) {
     const palp_touch_cost *c = cost;
-    float h = (float)load, one = look_up(c, rung);
-    return palp_cost_climb(c, rung, load, active) + h * (palp_cost_admit(c, rung, 0, 0) - one) +
-           0.5f * h * (h + 1.0f) * one + (float)c->limits.max_candidates * PRICE(c, ROOM);
+    float h = (float)load, one = look_up(c, rung), most = (float)c->limits.max_candidates;
+    float beyond = h > most ? (h - most) * (most * PRICE(c, ROOM) + drop(c, most)) : 0.0f;
+    return palp_cost_climb(c, rung, load, active) + most * PRICE(c, ROOM) + beyond +
+           h * (palp_cost_admit(c, rung, 0, 0) - one) + 0.5f * h * (h + 1.0f) * one;
 }
 
 /* ---- zones ---- */

@@ -102,8 +102,9 @@ float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load,
 /*
  * palp_ladder_drop to `rung`, on which `load` basis functions h carry the forces, m of them at most
  * max_active: palp_cost_load, h admissions (palp_cost_admit), palp_cost_refactor of m,
- * 2 h EVALUATION + 4 T (n + m) FORCE + (n^2 + m^2 + h m) IDLE, and max_candidates ROOM for those of
- * the contact that is cleared.
+ * 2 h EVALUATION + 4 T (n + m) FORCE + (n^2 + m^2 + h m) IDLE, max_candidates ROOM for those of
+ * the contact that is cleared, and of each h beyond max_candidates as many and DROP +
+ * max_candidates MOVE.
  */
 float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 

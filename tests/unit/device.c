@@ -284,6 +284,7 @@ static void test_velocity(void) {
         double read = floor(q / step) * step;
         palp_joint_age(&j, 1);
         (void)palp_joint_take(&j, &limits, (float)read, (float)dt);
+        palp_joint_velocity(&j, &limits, (float)dt);
         if (i > 20) {
             square[0] += pow((double)j.dq_rad_s - v, 2);
             square[1] += pow((read - last) / dt - v, 2);
@@ -295,6 +296,7 @@ static void test_velocity(void) {
     for (int i = 0; i < 200; i++) { /* flickers between two counts */
         palp_joint_age(&j, 1);
         (void)palp_joint_take(&j, &limits, (float)(last + (i % 2) * step), (float)dt);
+        palp_joint_velocity(&j, &limits, (float)dt);
         if (i > 40) still = fmax(still, fabs((double)j.dq_rad_s));
     }
     AT_MOST(still, step / dt / 10, "flicker between two counts is nearly rest, rad/s");
@@ -308,6 +310,7 @@ static void test_joint(void) {
     for (int i = 0; i < 2; i++) {
         palp_joint_age(&j, 1);
         (void)palp_joint_take(&j, &limits, good[i], 0.001f);
+        palp_joint_velocity(&j, &limits, 0.001f);
     }
     for (int i = 0; i < 5; i++) {
         palp_joint before = j;

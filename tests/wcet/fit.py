@@ -66,10 +66,13 @@ np.maximum.at(most, cls, counted)
 used = np.asarray(f.sum(axis=0)).ravel() > 0
 u, c, n = used.sum(), len(classes), len(counted)
 say = np.array([SAY.get(k[0].split("@")[0], 1) for k in classes])
+# Changes of level are rarer among the cases, and their counts looser: more room for what was not met.
+room = np.array([a.head_room * (1.06 if o.split("@")[0] in ("drop", "climb", "load", "follow") else 1)
+                 for o in ops])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
 r = linprog(np.concatenate([f[:, used].T @ (say[cls] / np.bincount(cls)[cls] / counted), say]), A_ub=vstack([floor, largest]),
-            b_ub=np.concatenate([-a.head_room * counted, np.zeros(n)]), bounds=[(x, None) for x in least[used]] + [(0, None)] * c, method="highs")
+            b_ub=np.concatenate([-room * counted, np.zeros(n)]), bounds=[(x, None) for x in least[used]] + [(0, None)] * c, method="highs")
 if r.status != 0:
     raise SystemExit("no fit: " + r.message)
 r.x = r.x[:u]
