@@ -2,10 +2,8 @@
 #include "bounded.h"
 
 #define NS_PER_S 1e9f
-#define LEAST_PIVOTS 4u /* per tick, in the least answer on a rung */
-#define SPARE_HATS                                                                                 \
-    (2u * PALP_COUPLING_SOLVES *                                                                   \
-     LEAST_PIVOTS)      /* that the forces may come to load while a tick solves */
+#define LEAST_PIVOTS 6u /* per tick, in the least answer on a rung */
+#define PIVOT_HATS 2u   /* of the next coarser rung, that one more in contact may come to load */
 #define PATIENCE 3u     /* ticks in a row that may be cut short before the rung is given up */
 #define CLIMB_AFTER 20u /* ticks on a rung before a finer one is prepared, at first */
 #define CLIMB_LATEST 1280u
@@ -120,28 +118,35 @@ static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 /* Bound of the least answer by the contact as it stands, with `more` candidates. */
 static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t more) {
     uint32_t count = least(c->count + more, b->config.limits.max_candidates);
-    uint32_t reachable = c->active_count + PALP_COUPLING_SOLVES * LEAST_PIVOTS;
+    uint32_t reachable = c->active_count + LEAST_PIVOTS;
     uint32_t active = least(least(reachable, count), b->config.limits.max_active);
     return palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS);
 }
 
-/* Bound of finding out what a retreat would cost. */
-static float retreat_look_ns(const palp_bounded *b) {
-    if (b->ladder.rung == 0u) return 0.0f;
-    uint32_t active = b->ladder.contact[b->ladder.now].active_count;
-    return palp_cost_load(&b->bound, b->ladder.at[b->ladder.rung - 1u],
-                          b->config.limits.max_candidates, active);
+/* Bound of finding out, on `rung`, what giving it up would cost. */
+static float look_ns(const palp_bounded *b, uint32_t rung, uint32_t active) {
+    if (rung == 0u) return 0.0f;
+    return palp_cost_load(&b->bound, b->ladder.at[rung - 1u], b->config.limits.max_candidates,
+                          active);
 }
 
-/* Bound of giving up and answering on the next coarser rung; 0 on the coarsest. */
-static float retreat_ns(palp_bounded *b) {
-    if (b->ladder.rung == 0u) return 0.0f;
-    uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung - 1u) + SPARE_HATS;
+/* Bound of giving `rung` up, with `active` in contact that load so many hats below, and answering
+ * there; 0 on the coarsest. */
+static float retreat_ns(const palp_bounded *b, uint32_t rung, uint32_t load, uint32_t active) {
+    if (rung == 0u) return 0.0f;
     uint32_t count = least(load, b->config.limits.max_candidates);
-    uint32_t active = least(load, b->config.limits.max_active);
-    uint32_t now = palp_ladder_contact(&b->ladder)->active_count;
-    return palp_cost_change(&b->bound, b->ladder.at[b->ladder.rung - 1u], load, now) +
-           palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS);
+    uint32_t pressed = least(load, b->config.limits.max_active);
+    return palp_cost_change(&b->bound, b->ladder.at[rung - 1u], load, active) +
+           palp_cost_answer(&b->bound, count, pressed, LEAST_PIVOTS);
+}
+
+/* The same for the present rung when `pivots` more have been taken. */
+static void keep_back(palp_bounded *b, uint32_t pivots) {
+    uint32_t active =
+        least(palp_ladder_contact(&b->ladder)->active_count + pivots, b->config.limits.max_active);
+    uint32_t load =
+        b->retreat_load + PIVOT_HATS * (palp_ladder_contact(&b->ladder)->pivots + pivots);
+    b->retreat_ns = retreat_ns(b, b->ladder.rung, load, active);
 }
 
 /* ---- the tick ---- */
@@ -173,8 +178,9 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
         float need =
             answer_ns(b, c, 0u) +
             palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count) +
-            retreat_look_ns(b);
-        b->retreat_ns = retreat_ns(b);
+            look_ns(b, b->ladder.rung, c->active_count);
+        b->retreat_load = palp_ladder_load(&b->ladder, b->ladder.rung - 1u);
+        keep_back(b, LEAST_PIVOTS);
         if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
     }
@@ -203,8 +209,9 @@ static float begin_ns(const palp_bounded *b, const palp_contact *c) {
            (due ? palp_cost_refactor(&b->bound, c->active_count) : 0.0f);
 }
 
-/* Solves on the present rung; false when time ran out before the least answer was there. */
-static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
+/* Solves on the present rung, with time kept back for giving it up, or, with `all`, with whatever
+ * time there is. False when it ran out before the least answer was there. */
+static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *settled) {
     palp_contact *c = palp_ladder_contact(&b->ladder);
     uint32_t quanta = 0;
     bool more = true;
@@ -212,14 +219,20 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool *settled) {
     /* at most PALP_COUPLING_PIVOTS max_pivots */
     while (more) {
         float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count) +
-                        palp_cost_couple(&b->bound, c->active_count + 1u);
+                        palp_cost_couple(&b->bound, c->active_count + 1u) +
+                        b->bound.price.of[PALP_WORK_QUANTUM];
         if (!b->coupling.solving) quantum += begin_ns(b, c);
+        if (all) {
+            b->retreat_ns = 0.0f;
+        } else {
+            keep_back(b, 1u);
+        }
         if (quanta > 0u && quantum + b->retreat_ns > palp_bounded_left_ns(b)) break;
         more = palp_coupling_step(&b->coupling, c);
         quanta++;
     }
     *settled = !more;
-    return !more || quanta >= PALP_COUPLING_SOLVES * LEAST_PIVOTS;
+    return !more || quanta >= LEAST_PIVOTS;
 }
 
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
@@ -238,10 +251,9 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     choose_rung(b, &r);
     palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
     take_in(b, around, &r);
-    if (!solve(b, device_m, &settled) && b->ladder.rung > 0u) {
-        drop(b, &r);
-        b->retreat_ns = 0.0f; /* this answer is what was kept back; what it reaches is taken */
-        (void)solve(b, device_m, &settled);
+    if (!solve(b, device_m, false, &settled) && b->ladder.rung > 0u) {
+        drop(b, &r); /* this answer is what was kept back; what it reaches is taken */
+        (void)solve(b, device_m, true, &settled);
     }
     b->cut_short = settled ? 0u : b->cut_short + 1u;
     palp_contact *c = palp_ladder_contact(&b->ladder);
@@ -259,17 +271,15 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
 
 /* ---- spare time ---- */
 
-/* Whether a tick on `rung` with `load` of `count` candidates in contact, and giving it up, leave
- * time to spare. */
-static bool rung_fits(const palp_bounded *b, uint32_t rung, uint32_t count, uint32_t load) {
-    palp_rung at = b->ladder.at[rung];
-    float need = b->tail_ns + palp_cost_search(&b->bound, at, count, load) +
-                 palp_cost_answer(&b->bound, count, load, LEAST_PIVOTS);
-    float retreat = palp_cost_load(&b->bound, at, load, load) +
-                    palp_cost_change(&b->bound, at, load, load) +
-                    palp_cost_answer(&b->bound, load, load, LEAST_PIVOTS);
-    float share = CLIMB_SHARE * b->config.cost.margin * NS_PER_S * b->config.dt_s;
-    return need + retreat <= share;
+/* What a tick on `rung` with `count` candidates and `active` in contact, and giving it up with
+ * `load` hats below, take of the time that ticks have. */
+static float share_of(const palp_bounded *b, uint32_t rung, uint32_t count, uint32_t active,
+                      uint32_t load) {
+    float need = b->tail_ns + palp_cost_search(&b->bound, b->ladder.at[rung], count, active) +
+                 palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS) +
+                 look_ns(b, rung, active) +
+                 retreat_ns(b, rung, load + PIVOT_HATS * LEAST_PIVOTS, active);
+    return need / (b->config.cost.margin * NS_PER_S * b->config.dt_s);
 }
 
 /* Whether the next finer rung would have room and time to spare. */
@@ -277,13 +287,19 @@ static bool finer_fits(palp_bounded *b) {
     uint32_t load = palp_ladder_load(&b->ladder, b->ladder.rung + 1u);
     uint32_t count = least(2u * load, b->config.limits.max_candidates);
     if ((float)load > CLIMB_SHARE * (float)b->config.limits.max_active) return false;
-    return rung_fits(b, b->ladder.rung + 1u, count, load);
+    return share_of(b, b->ladder.rung + 1u, count, load, load) <= CLIMB_SHARE;
 }
 
-/* Without contact: back to the finest rung, if contact could begin there. */
+/* Without contact: up to the finest rung where contact could begin. */
 static void begin_finer(palp_bounded *b) {
-    uint32_t load = least(SPARE_HATS, b->config.limits.max_active);
-    if (rung_fits(b, b->ladder.rungs - 1u, load, load)) palp_ladder_clear(&b->ladder);
+    palp_ladder *l = &b->ladder;
+    uint32_t finest = l->rungs - 1u;
+    uint32_t active = least(LEAST_PIVOTS, b->config.limits.max_active);
+    /* at most rungs; a mixed one is for a contact that there is */
+    while (finest > l->rung && (l->at[finest].outer != l->at[finest].level ||
+                                share_of(b, finest, active, active, 0u) > 1.0f))
+        finest--;
+    if (finest > l->rung) palp_ladder_clear_to(l, finest);
 }
 
 void palp_bounded_spare(palp_bounded *bounded) {

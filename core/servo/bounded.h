@@ -54,6 +54,7 @@ typedef struct {
     palp_fresh *fresh;         /* [max_new] */
     uint64_t start_ns;         /* of the tick under way */
     float retreat_ns, tail_ns; /* kept back: for a coarser answer, for the end of a tick */
+    uint32_t retreat_load;     /* hats that a coarser answer would begin with */
     uint32_t cut_short;        /* ticks in a row in which time ran out */
     uint32_t
         climb_wait; /* ticks on a rung before a finer one is prepared; grows while climbs fail */

@@ -95,8 +95,6 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
     uint32_t slots = blob->domain[PALP_FREE].slots;
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
     *c = (palp_contact){.blob = blob,
                         .position_m = position_m,
                         .limits = limits,
@@ -104,6 +102,8 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
                         .first_slot = {0, slots}};
     palp_status status = palp_contact_begin_use(c, tools, tool_count);
     if (status != PALP_OK) return status;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
     palp_contact_lay_out(c, &arena, longest_row(blob), slots);
     palp_contact_clean(c, slots);
     return PALP_OK;

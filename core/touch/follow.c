@@ -85,11 +85,11 @@ palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assemb
     palp_contact *c = contact;
     if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (limits.friction) return PALP_ERR_ARGUMENT;
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_contact_memsize_zones(z, finest, limits)) return PALP_ERR_MEMORY;
     shape(c, z, finest, limits);
     palp_status status = palp_contact_begin_use(c, tools, tool_count);
     if (status != PALP_OK) return status;
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_contact_memsize_zones(z, finest, limits)) return PALP_ERR_MEMORY;
     c->assembly = assembly;
     c->pairs = pairs;
     for (uint32_t i = 0; i < c->bodies; i++)

@@ -51,13 +51,40 @@ palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly,
                                    memory, bytes);
 }
 
-void palp_ladder_clear(palp_ladder *ladder) {
-    ladder->rung = ladder->rungs - 1u;
+/* The zone of a mixed rung that has room for what is in contact now: half of max_active inside. */
+static float choose_zone(const palp_contact *now, uint32_t inner) {
+    /* Of finer candidates each is one inside, of coarser ones each becomes about four. */
+    uint32_t room = now->limits.max_active / 2u;
+    uint32_t wanted = now->outer >= inner ? room : room / 4u;
+    float zone = -FAR;
+    for (uint32_t a = 0; a < now->active_count; a++) { /* the largest reach that leaves room */
+        float reach = now->candidate[now->active[a]].at.reach;
+        uint32_t within = 0;
+        for (uint32_t b = 0; b < now->active_count; b++)
+            within += now->candidate[now->active[b]].at.reach <= reach ? 1u : 0u;
+        if (within <= wanted && reach > zone) zone = reach;
+    }
+    return zone;
+}
+
+/* Makes `to` empty, on the given rung. */
+static void clear_for(palp_contact *to, const palp_contact *now, palp_rung rung) {
+    if (rung.outer == rung.level) {
+        palp_contact_clear(to, rung.level);
+    } else {
+        palp_contact_clear_mixed(to, rung.level, rung.outer, choose_zone(now, rung.level));
+    }
+}
+
+void palp_ladder_clear(palp_ladder *ladder) { palp_ladder_clear_to(ladder, ladder->rungs - 1u); }
+
+void palp_ladder_clear_to(palp_ladder *ladder, uint32_t rung) {
+    ladder->rung = rung;
     ladder->preparing = false;
     ladder->waited = 0;
     ladder->tank_J = 0.0f;
     for (uint32_t k = 0; k < (ladder->rungs > 1u ? 2u : 1u); k++)
-        palp_contact_clear(&ladder->contact[k], ladder->at[ladder->rung].level);
+        clear_for(&ladder->contact[k], &ladder->contact[k], ladder->at[rung]);
 }
 
 /* ---- forces from level to level, on the marks of a scratch ---- */
@@ -144,31 +171,6 @@ static void move_forces(const palp_contact *from, const palp_contact *to, uint32
     }
     for (; level < to->level; level++) spread(b, level, s);
     if (to->outer < to->level) settle_outside(to, tool, s);
-}
-
-/* The zone of a mixed rung that has room for what is in contact now: half of max_active inside. */
-static float choose_zone(const palp_contact *now, uint32_t inner) {
-    /* Of finer candidates each is one inside, of coarser ones each becomes about four. */
-    uint32_t room = now->limits.max_active / 2u;
-    uint32_t wanted = now->outer >= inner ? room : room / 4u;
-    float zone = -FAR;
-    for (uint32_t a = 0; a < now->active_count; a++) { /* the largest reach that leaves room */
-        float reach = now->candidate[now->active[a]].at.reach;
-        uint32_t within = 0;
-        for (uint32_t b = 0; b < now->active_count; b++)
-            within += now->candidate[now->active[b]].at.reach <= reach ? 1u : 0u;
-        if (within <= wanted && reach > zone) zone = reach;
-    }
-    return zone;
-}
-
-/* Makes `to` empty, on the given rung. */
-static void clear_for(palp_contact *to, const palp_contact *now, palp_rung rung) {
-    if (rung.outer == rung.level) {
-        palp_contact_clear(to, rung.level);
-    } else {
-        palp_contact_clear_mixed(to, rung.level, rung.outer, choose_zone(now, rung.level));
-    }
 }
 
 uint32_t palp_ladder_load(palp_ladder *ladder, uint32_t rung) {

@@ -58,6 +58,8 @@ palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly,
 
 /* Forgets all contacts and the tank, and goes back to the finest rung. */
 void palp_ladder_clear(palp_ladder *ladder);
+/* The same, to another rung. */
+void palp_ladder_clear_to(palp_ladder *ladder, uint32_t rung);
 
 static inline palp_contact *palp_ladder_contact(palp_ladder *ladder) {
     return &ladder->contact[ladder->now];

@@ -17,6 +17,10 @@
 #ifndef MEMORY_BYTES
 #define MEMORY_BYTES (256u << 10)
 #endif
+#ifndef LIMITS
+#define LIMITS                                                                                     \
+    { 24, 12, 2, 6, false } /* candidates, in contact, new ones a tick, pivots */
+#endif
 #define STATE_TICKS 400u /* until the drives are on and the force has risen */
 
 extern const uint8_t blob_begin[], blob_end[];
@@ -38,6 +42,24 @@ static void print_number(const char *before, uint64_t number, const char *after)
     semihost_print(before);
     semihost_print(text + at);
     semihost_print(after);
+}
+
+/* What a tick takes at most, in instructions, and how often a core at CORE_MHZ can do that with
+ * CYCLES for each of them and a fifth of the period left over. */
+static void print_bound(const char *what, float instructions) {
+    float hz = 0.8e6f * (float)CORE_MHZ / ((float)CYCLES * instructions);
+    print_number(what, (uint64_t)instructions, " instructions at most");
+    print_number(", ", (uint64_t)hz, " Hz\n");
+}
+
+static void print_bounds(const palp_blob *blob, const palp_servo_config *config) {
+    const palp_prices *instructions = &palp_target_cortex_m7.instructions;
+    palp_touch_cost c = palp_touch_cost_of(blob, config->limits, &config->tool, 1, instructions);
+    for (uint32_t l = 0; l <= blob->meta->constraint_level; l++) {
+        print_number("level ", l, ": ");
+        print_bound("all that the limits allow, ", palp_cost_full(&c, (palp_rung){l, l}));
+    }
+    print_bound("the least answer, ", palp_cost_least(&c));
 }
 
 static void print_hash(void) {
@@ -117,12 +139,13 @@ int main(void) {
         return 1;
     }
     palp_servo_config config = orbit_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
+    config.limits = (palp_contact_limits)LIMITS;
     config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
     config.port = (palp_port){systick_now_ns, NULL};
     print_number("data and memory ", (uint64_t)(&bss_end - &data_begin), " bytes of RAM");
     print_number(", servo ", palp_servo_memsize(&blob, config.limits), " of them\n");
     status = palp_servo_open(&servo, &blob, &config, memory, sizeof memory, &bound_ns);
-    print_number("least answer at most ", (uint64_t)bound_ns, " ns\n");
+    print_bounds(&blob, &config);
     if (status != PALP_OK) {
         semihost_print(palp_status_text(status));
         semihost_print("\n");

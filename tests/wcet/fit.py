@@ -66,9 +66,10 @@ np.maximum.at(most, cls, counted)
 used = np.asarray(f.sum(axis=0)).ravel() > 0
 u, c, n = used.sum(), len(classes), len(counted)
 say = np.array([SAY.get(k[0].split("@")[0], 1) for k in classes])
-# Changes of level are rarer among the cases, and their counts looser: more room for what was not met.
-room = np.array([a.head_room * (1.06 if o.split("@")[0] in ("drop", "climb", "load", "follow") else 1)
-                 for o in ops])
+# Changes of level are rarer among the cases, and what an extraction meets is not counted: more room
+# for what was not met.
+MORE = {"drop": 1.06, "climb": 1.06, "load": 1.06, "follow": 1.06, "extract": 1.1}
+room = np.array([a.head_room * MORE.get(o.split("@")[0], 1) for o in ops])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
 r = linprog(np.concatenate([f[:, used].T @ (say[cls] / np.bincount(cls)[cls] / counted), say]), A_ub=vstack([floor, largest]),
