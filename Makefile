@@ -28,7 +28,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all static demo demo-finger demo-dyna test check bench reproduce deps install deb clean help format
+.PHONY: all size cortexm static demo demo-finger demo-dyna test check bench reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -127,17 +127,33 @@ bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, sid
 reproduce: all ## the paper's tables and figures from our own models: build/reproduce/index.html (about six minutes)
 	$(BUILD)/palp reproduce blobs/bean.model blobs/large.model --dynamic blobs/liver.model -o $(BUILD)/reproduce
 
+size: all ## code, data, deepest stack and memory of every target that can be built here
+	@mkdir -p $(BUILD)/size
+	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/size/rabbit.obj --levels 2 > /dev/null
+	@$(BUILD)/palp bake $(BUILD)/size/rabbit.obj --as-is --young 3e4 --poisson 0.45 --fix-below z 0.004 -o $(BUILD)/size/rabbit.palp > /dev/null 2>&1
+	@BUILD=$(BUILD) sh tests/size.sh $(BUILD)/size/rabbit.palp
+
+cortexm: all ## a bare Cortex-M7 image with the sample rabbit in flash, run under QEMU
+	@mkdir -p $(BUILD)/cortexm
+	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/cortexm/rabbit.obj --levels 2 > /dev/null
+	@$(BUILD)/palp bake $(BUILD)/cortexm/rabbit.obj --as-is --young 3e4 --poisson 0.45 --fix-below z 0.004 \
+	    --table-mb 0.5 --storage f16 -o $(BUILD)/cortexm/rabbit.palp > /dev/null 2>&1
+	sh port/cortexm/build.sh $(BUILD)/cortexm/rabbit.palp $(BUILD)/cortexm/image.elf m7 -DRATE_HZ=500.0f
+	qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none -semihosting-config enable=on,target=native \
+	    -icount shift=6 -kernel $(BUILD)/cortexm/image.elf
+
 # ---- everything else ----
 
 PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
             libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
             libopenblas0-pthread qemu-system-arm can-utils python3-can strace libclang-rt-14-dev pkg-config \
-            cyclonedds-dev cyclonedds-tools calculix-ccx
+            cyclonedds-dev cyclonedds-tools calculix-ccx qemu-user python3-scipy gcc-arm-linux-gnueabihf \
+            libc6-dev-armhf-cross wasi-libc libclang-rt-14-dev-wasm32 lld nodejs
 deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := $(patsubst %,tests/check/%.sh,static sanitize same-bits browser direct finger dynamic calculix logs realtime dds zwidth package fuzz vm reproduce)
+CHECKS := $(patsubst %,tests/check/%.sh,static wcet sanitize same-bits browser direct finger dynamic calculix logs realtime dds zwidth package fuzz vm reproduce)
 check: all $(UNIT_BIN) $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
 
