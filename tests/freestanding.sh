@@ -34,6 +34,15 @@ if [ "$(uname -m)" = x86_64 ]; then
     deep=$(awk '$2 > 4096 {print $1, $2}' "$work/stack.txt")
     [ -z "$deep" ] && [ -s "$work/stack.txt" ]; ok $? "no call takes more than 4 KiB of stack: $(sort -k2 -n "$work/stack.txt" | tail -1 | awk '{print $1, $2}') $deep"
 fi
+if command -v python3 >/dev/null; then
+    loops=$(python3 tests/loops.py core/*/*.c core/*/*.h)
+    ok $? "loops: $loops"
+    for c in core/*/*.c; do gcc -std=c11 -O3 -ffreestanding -fno-math-errno -ffp-contract=off -I. -fcallgraph-info=su -c "$c" -o "$work/$(echo "$c" | tr / _).o"; done
+    python3 tests/callgraph.py "$work"/*.ci > "$work/calls"
+    ok $? "calls: $(tail -1 "$work/calls")"
+else
+    count=$((count + 1)); echo "ok $count - loops and calls # SKIP python3 is not installed (make deps)"
+fi
 flags="-std=c11 -O2 -ffreestanding -fno-math-errno -ffp-contract=off -I. -Wall -Wextra -Werror"
 try() { # try NAME COMPILER FLAGS...
     name=$1 compiler=$2

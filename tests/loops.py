@@ -55,7 +55,7 @@ def counter_bound(head, body):
             limit = limit.group(1) if limit else condition
         elif fall and step == fall.group(1) + "--":
             name, limit = fall.group(1), "down to " + fall.group(2)
-        elif up and re.search(r"(^|, )%s(\+\+| \+= [\w.* ]+)" % up.group(1), step):
+        elif up and re.search(r"(^|, )%s(\+\+| \+= (?:\d+u?|[A-Z_0-9]+|\d+u \* [A-Z]+|width))" % up.group(1), step):
             name, limit = up.group(1), up.group(3)
         elif up and re.fullmatch(r"%s = palp_row_next\(.+, %s \+ 1u?, .+\)" % (up.group(1), up.group(1)), step):
             name, limit = up.group(1), "marked slots below " + up.group(3)
@@ -64,7 +64,11 @@ def counter_bound(head, body):
         break
     else:
         return None
-    assigned = re.search(r"(?<![\w.>])%s\s*(=[^=]|[-+*/|&]=|\+\+|--)" % name, body)
+    # neither the variable nor, where it is a plain name, the limit changes on the way
+    plain = re.fullmatch(r"[a-z]\w*", limit)
+    if plain and re.search(r"(?<![\w.>])%s\s*([-+*/|&]?=[^=]|\+\+|--)|&%s\b" % (limit, limit), body):
+        return None
+    assigned = re.search(r"&%s\b" % name, body) or re.search(r"(?<![\w.>])%s\s*(=[^=]|[-+*/|&]=|\+\+|--)" % name, body)
     return None if assigned else limit
 
 
@@ -82,7 +86,7 @@ for path in files:
         number = bare.count("\n", 0, m.start())
         last = bare.count("\n", 0, end)
         limit = counter_bound(" ".join(head.split()), body_of(bare, end)) if m.group(1) == "for" else None
-        near = " ".join(lines[max(0, number - 2):last + 1])
+        near = " ".join(lines[max(0, number - 1):last + 1])
         comment = re.search(r"(at most [^*]*?)\s*\*/", near)
         if limit is not None:
             counted += 1

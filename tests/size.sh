@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 # What the library takes: code, data and the deepest stack of every target that can be built here, and memory that the
 # memsize functions ask for. size.sh [BLOB ...]; exit 1 if there is mutable data, or more than 4 KiB of stack.
+BUILD=${BUILD:-build}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 failed=0
@@ -11,7 +12,7 @@ target() { # target NAME COMPILER FLAGS...
     if ! command -v "$compiler" >/dev/null; then echo "$name: $compiler is not installed (make deps)"; return; fi
     rm -rf "$work/o" && mkdir "$work/o"
     for c in core/*/*.c; do echo "$c $work/o/$(echo "$c" | tr / _).o"; done |
-        xargs -P 4 -n 2 sh -c "$compiler $flags $* -c \$0 -o \$1"
+        xargs -P 4 -n 2 sh -c "$compiler $flags $* -c \$0 -o \$1 || exit 255" || { echo "$name: does not build"; failed=1; return; }
     tool=${compiler%gcc}
     "${tool}size" -A "$work"/o/*.o | awk -v n="$name" '
         $1 ~ /^\.text/ {t += $2} $1 ~ /^\.rodata/ {r += $2} $1 ~ /^\.data($|\.[^r])/ {d += $2} $1 ~ /^\.bss/ {b += $2}

@@ -51,6 +51,10 @@ float hunt_bound(const palp_touch_cost *cost, const hunt_tick *tick) {
                 (float)tick->admitted * palp_cost_admit(cost, tick->rung, k, n) +
                 (float)tick->solves * (palp_cost_begin(cost, k) + palp_cost_couple(cost, n)) +
                 (float)tick->pivots * palp_cost_pivot(cost, k, n) + palp_cost_leave(cost, n);
+    if (tick->rung.level > 0u) {
+        const palp_rung below = {tick->rung.level - 1u, tick->rung.level - 1u};
+        sum += palp_cost_load(cost, below, n, n);
+    }
     return tick->due ? sum + palp_cost_refactor(cost, n) : sum;
 }
 

@@ -46,9 +46,19 @@ static void take(machine *m, size_t k) {
     m->ns_per_byte = shipped[k].ns_per_byte;
 }
 
+/* Words of a table go into JSON and logs as they are. */
+static void require_plain(const argument *a, const char *word) {
+    for (const char *p = word; *p != '\0'; p++) {
+        if ((unsigned char)*p < ' ' || *p == '"' || *p == '\\')
+            die(EXIT_WORK, "%s: '%s': quotes and backslashes cannot be part of it", a->where, word);
+    }
+}
+
 static void set_value(void *context, const argument *a) {
     machine *m = context;
+    if (a->option == NULL) die(EXIT_WORK, "%s: not a line of a cost table", a->where);
     const char *key = a->option + 2;
+    for (int i = 0; i < a->count; i++) require_plain(a, a->value[i]);
     if (strcmp(key, "name") == 0) {
         snprintf(m->target.name, sizeof m->target.name, "%.23s", a->value[0]);
     } else if (strcmp(key, "basis") == 0) {
@@ -80,6 +90,7 @@ static void read_table(machine *m, const char *path) {
         table[4 + k] = (option){name[k], 1};
         m->target.instructions.of[k] = -1;
     }
+    m->ns_per_byte = -1;
     args_parse_file(path, table, set_value, m);
     for (palp_work k = 0; k < PALP_WORKS; k++) {
         if (m->target.instructions.of[k] < 0)
@@ -88,6 +99,8 @@ static void read_table(machine *m, const char *path) {
     }
     if (!(m->ns_per_instruction > 0))
         die(EXIT_WORK, "%s: no line 'ns-per-instruction'; palp calibrate writes one", path);
+    if (m->ns_per_byte < 0)
+        die(EXIT_WORK, "%s: no line 'ns-per-byte' (0 where memory is as fast as the core)", path);
 }
 
 void machine_find(machine *m, const char *name_or_file) {

@@ -32,7 +32,9 @@ static const char help[] =
     "  --hunt SECONDS    search for the dearest tick: how near to the bound work can come\n"
     "  --keep FILE       write the path of the dearest tick found\n"
     "  --replay FILE     go along that path again and print what its ticks did\n"
-    "  --json            for programs\n";
+    "  --json            for programs\n"
+    "\n"
+    "The verdict is the answer and no failure: exit 0 for 'fits' and for 'refused'.\n";
 
 static const option options[] = {{"--rate", 1},     {"--target", 1}, {"--limits", 4},
                                  {"--friction", 0}, {"--tool", 1},   {"--margin", 1},
@@ -120,8 +122,11 @@ static float leave(const palp_touch_cost *c, palp_rung r) {
     (void)r;
     return palp_cost_leave(c, c->limits.max_active);
 }
+/* Giving the next finer rung up for this one, and the least answer here. */
 static float retreat(const palp_touch_cost *c, palp_rung r) {
-    return palp_cost_change(c, r, c->limits.max_candidates, c->limits.max_active);
+    const palp_contact_limits l = c->limits;
+    return palp_cost_change(c, r, l.max_candidates, l.max_active) +
+           palp_cost_answer(c, l.max_candidates, l.max_active, PALP_LEAST_PIVOTS);
 }
 
 static void bound(body *b, const char *step, const char *counts, body_bound of) {
@@ -132,11 +137,16 @@ static void bound(body *b, const char *step, const char *counts, body_bound of) 
 /* The steps that are the same on every level, then those of each rung, from coarse to fine. */
 static void tabulate(body *b, palp_ladder *ladder) {
     char all[64], one[64];
-    const palp_contact_limits l = b->instructions.limits;
-    snprintf(all, sizeof all, "%u candidates, %u in contact", l.max_candidates, l.max_active);
-    snprintf(one, sizeof one, "%u in contact", l.max_active);
+    const palp_contact_limits given = b->instructions.limits;
     for (uint32_t r = 0; r < ladder->rungs; r++) {
+        palp_contact_limits l = given;
         b->rung = ladder->at[r];
+        uint32_t nodes = (uint32_t)b->instructions.nodes[b->rung.level];
+        if (nodes < l.max_candidates) l.max_candidates = nodes;
+        if (nodes < l.max_active) l.max_active = nodes;
+        b->instructions.limits = b->bytes.limits = l;
+        snprintf(all, sizeof all, "%u candidates, %u in contact", l.max_candidates, l.max_active);
+        snprintf(one, sizeof one, "%u in contact", l.max_active);
         b->level = (int)b->rung.level;
         b->outer = (int)b->rung.outer;
         bound(b, "search", all, search);
@@ -149,6 +159,7 @@ static void tabulate(body *b, palp_ladder *ladder) {
         if (r + 1 < ladder->rungs) bound(b, "retreat", all, retreat);
         bound(b, "tick", "all that the limits allow", palp_cost_full);
     }
+    b->instructions.limits = b->bytes.limits = given;
     b->level = b->outer = (int)ladder->at[0].level;
     add(b->table, "least", "the least answer, which always has to fit", b->level, b->outer,
         (double)palp_cost_least(&b->instructions), (double)palp_cost_least(&b->bytes));
@@ -216,7 +227,7 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
     double least[2] = {0, 0};
     for (uint32_t i = 0; i <= PALP_SEAM_LEVELS; i++) { /* the approximation first */
         uint32_t level = i == 0 ? PALP_DIAGONAL : i - 1u;
-        double factor[2], settle[2], follow[2];
+        double factor[2], after[2], settle[2], follow[2];
         for (int k = 0; k < 2; k++) {
             float unknowns = 0;
             for (uint32_t q = 0; q < z.meta->seams; q++)
@@ -226,7 +237,8 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
             settle[k] = (double)palp_assembly_cost_settle(&a, price[k], level);
             follow[k] = (double)palp_cost_follow(&c[k], s->limits.max_candidates,
                                                  s->limits.max_active, unknowns, solve);
-            if (i == 0) least[k] = factor[k] + 2 * settle[k] + follow[k];
+            after[k] = 2 * settle[k] + 2 * (double)solve + follow[k];
+            if (i == 0) least[k] = factor[k] + after[k];
         }
         int shown = (int)i - 1; /* -1: the approximation */
         add(t, "factor", "all seams", shown, shown, factor[0], factor[1]);
@@ -312,13 +324,18 @@ static double time_us(const machine *m, const wcet_row *r) {
            (r->instructions * (double)m->ns_per_instruction + r->bytes * (double)m->ns_per_byte);
 }
 
-/* The finest level on which a tick always does all that its limits allow; -1 if on none. */
+/* The finest level on which a tick always does all that its limits allow, with what is kept back
+ * for giving it up; -1 if on none. */
 static int finest_in_time(const wcet_table *t, const machine *m, double budget_us) {
     int finest = -1;
+    double kept_us = 0, below_us = 0; /* retreat to the rung before this one; to this one */
     for (size_t i = 0; i < t->rows; i++) {
         const wcet_row *r = &t->row[i];
-        bool whole = strcmp(r->step, "tick") == 0 && r->outer == r->level;
-        if (whole && r->level > finest && time_us(m, r) <= budget_us) finest = r->level;
+        if (strcmp(r->step, "retreat") == 0) below_us = time_us(m, r);
+        if (strcmp(r->step, "tick") != 0) continue;
+        if (r->outer == r->level && r->level > finest && time_us(m, r) + kept_us <= budget_us)
+            finest = r->level;
+        kept_us = below_us;
     }
     return finest;
 }
@@ -384,6 +401,9 @@ int command_wcet(int argc, char **argv) {
     machine_find(&m, s.target != NULL ? s.target : own->name);
     size_t bytes;
     void *data = read_file(s.blob, &bytes);
+    if (s.hunt_s > 0 && s.tool != WCET_BALL) die(EXIT_USAGE, "--hunt goes with a ball");
+    if (s.replay != NULL && (s.hunt_s > 0 || s.json))
+        die(EXIT_USAGE, "--replay prints a table of its own: not with --hunt or --json");
     bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
     if ((zones || tets) && (s.hunt_s > 0 || s.replay != NULL))
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");

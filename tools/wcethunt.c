@@ -147,7 +147,9 @@ static void set_key(void *context, const argument *a) {
     if (strcmp(a->option, "--dwell") == 0) {
         p->dwell = arg_u32(a, 0, 1, 1000000);
     } else if (strcmp(a->option, "--seed") == 0) {
-        p->seed = strtoull(a->value[0], NULL, 10);
+        char *end;
+        p->seed = strtoull(a->value[0], &end, 10);
+        if (end == a->value[0] || *end != '\0') die(EXIT_WORK, "%s: not a whole number", a->where);
     } else {
         const struct {
             const char *name;

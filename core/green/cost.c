@@ -1,15 +1,28 @@
 /* SPDX-License-Identifier: MIT */
 #include "cost.h"
+#include <stddef.h>
 
 #define PRICE(kind) (price->of[PALP_WORK_##kind])
+
+/* Largest difference of neighbouring offsets. */
+static float longest(const uint32_t *offset, uint32_t count) {
+    uint32_t most = 0;
+    for (uint32_t i = 0; offset != NULL && i < count; i++) {
+        uint32_t n = offset[i + 1u] - offset[i];
+        most = n > most ? n : most;
+    }
+    return (float)most;
+}
 
 float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t entries) {
     const palp_domain *d = &blob->domain[PALP_FREE];
     float levels = (float)blob->meta->levels, marked = (float)entries;
-    float children = d->slots > 0u ? (float)d->child_offset[d->slots] / (float)d->slots : 0.0f;
+    float all = (float)d->child_offset[d->slots];
+    float children = marked * longest(d->child_offset, d->slots);
+    float stencils = marked * longest(d->stencil_offset, d->slots);
     return PRICE(ROW) +
            3.0f * levels * ((float)d->slots / 32.0f * PRICE(ROW_WORD) + marked * PRICE(ROW_MARK)) +
-           0.5f * levels * marked * children * PRICE(ROW_CHILD);
+           (levels * (children < all ? children : all) + stencils) * PRICE(ROW_CHILD);
 }
 
 float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_t entries,
@@ -32,8 +45,11 @@ float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_
     float slots = 0.0f, terms = 0.0f;
     for (uint32_t l = 1; l <= level && l < d->levels; l++) {
         slots += (float)d->level_start[l + 1u];
-        terms += 2.0f * (float)(d->level_start[l + 1u] - d->level_start[l]) +
-                 (float)d->child_offset[d->level_start[l]];
+        uint32_t first = d->level_start[l], end = d->level_start[l + 1u];
+        uint32_t predicted = d->stencil_offset != NULL
+                                 ? d->stencil_offset[end] - d->stencil_offset[first]
+                                 : 2u * (end - first);
+        terms += (float)(predicted + d->child_offset[first]);
     }
     return (float)(level + 1u) * PRICE(TRANSFORM) + slots * PRICE(TRANSFORM_SLOT) +
            terms * PRICE(TRANSFORM_TERM);

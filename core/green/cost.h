@@ -10,7 +10,8 @@
 #include "core/blob/blob.h"
 
 /* palp_wavelet_row, palp_basis_row with up to `entries` marks: ROW + 3 levels (words ROW_WORD +
- * entries ROW_MARK) + levels entries children ROW_CHILD / 2. */
+ * entries ROW_MARK) + (levels times the children of as many slots, no more than all, and of
+ * butterfly wavelets their stencils) ROW_CHILD. */
 float palp_cost_row(const palp_prices *price, const palp_blob *blob, uint32_t entries);
 
 /* palp_columns_extract, a row of `entries` with a column of `groups`: EXTRACT + entries
@@ -23,7 +24,8 @@ float palp_cost_extract(const palp_prices *price, const palp_blob *blob, uint32_
 float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t groups);
 
 /* palp_wavelet_inverse up to `level`: TRANSFORM, and of each level TRANSFORM + the slots up to it
- * TRANSFORM_SLOT + (2 per odd slot + the children of all below) TRANSFORM_TERM. */
+ * TRANSFORM_SLOT + (parents or stencils of the odd ones + the children of all below)
+ * TRANSFORM_TERM. */
 float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_t level);
 
 #endif

@@ -2,7 +2,6 @@
 #include "bounded.h"
 
 #define NS_PER_S 1e9f
-#define LEAST_PIVOTS 6u /* per tick, in the least answer on a rung */
 #define PIVOT_HATS 2u   /* of the next coarser rung, that one more in contact may come to load */
 #define PATIENCE 3u     /* ticks in a row that may be cut short before the rung is given up */
 #define CLIMB_AFTER 20u /* ticks on a rung before a finer one is prepared, at first */
@@ -118,9 +117,9 @@ static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 /* Bound of the least answer by the contact as it stands, with `more` candidates. */
 static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t more) {
     uint32_t count = least(c->count + more, b->config.limits.max_candidates);
-    uint32_t reachable = c->active_count + LEAST_PIVOTS;
+    uint32_t reachable = c->active_count + PALP_LEAST_PIVOTS;
     uint32_t active = least(least(reachable, count), b->config.limits.max_active);
-    return palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS);
+    return palp_cost_answer(&b->bound, count, active, PALP_LEAST_PIVOTS);
 }
 
 /* Bound of finding out, on `rung`, what giving it up would cost. */
@@ -137,7 +136,7 @@ static float retreat_ns(const palp_bounded *b, uint32_t rung, uint32_t load, uin
     uint32_t count = least(load, b->config.limits.max_candidates);
     uint32_t pressed = least(load, b->config.limits.max_active);
     return palp_cost_change(&b->bound, b->ladder.at[rung - 1u], load, active) +
-           palp_cost_answer(&b->bound, count, pressed, LEAST_PIVOTS);
+           palp_cost_answer(&b->bound, count, pressed, PALP_LEAST_PIVOTS);
 }
 
 /* The same for the present rung when `pivots` more have been taken. */
@@ -180,7 +179,7 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
             palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count) +
             look_ns(b, b->ladder.rung, c->active_count);
         b->retreat_load = palp_ladder_load(&b->ladder, b->ladder.rung - 1u);
-        keep_back(b, LEAST_PIVOTS);
+        keep_back(b, PALP_LEAST_PIVOTS);
         if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
     }
@@ -232,7 +231,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *se
         quanta++;
     }
     *settled = !more;
-    return !more || quanta >= LEAST_PIVOTS;
+    return !more || quanta >= PALP_LEAST_PIVOTS;
 }
 
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
@@ -276,9 +275,9 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
 static float share_of(const palp_bounded *b, uint32_t rung, uint32_t count, uint32_t active,
                       uint32_t load) {
     float need = b->tail_ns + palp_cost_search(&b->bound, b->ladder.at[rung], count, active) +
-                 palp_cost_answer(&b->bound, count, active, LEAST_PIVOTS) +
+                 palp_cost_answer(&b->bound, count, active, PALP_LEAST_PIVOTS) +
                  look_ns(b, rung, active) +
-                 retreat_ns(b, rung, load + PIVOT_HATS * LEAST_PIVOTS, active);
+                 retreat_ns(b, rung, load + PIVOT_HATS * PALP_LEAST_PIVOTS, active);
     return need / (b->config.cost.margin * NS_PER_S * b->config.dt_s);
 }
 
@@ -294,7 +293,7 @@ static bool finer_fits(palp_bounded *b) {
 static void begin_finer(palp_bounded *b) {
     palp_ladder *l = &b->ladder;
     uint32_t finest = l->rungs - 1u;
-    uint32_t active = least(LEAST_PIVOTS, b->config.limits.max_active);
+    uint32_t active = least(PALP_LEAST_PIVOTS, b->config.limits.max_active);
     /* at most rungs; a mixed one is for a contact that there is */
     while (finest > l->rung && (l->at[finest].outer != l->at[finest].level ||
                                 share_of(b, finest, active, active, 0u) > 1.0f))

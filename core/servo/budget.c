@@ -40,7 +40,8 @@ float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t act
            (float)pivots * (pivot_among(cost, count, active) + PRICE(cost, QUANTUM));
 }
 
-/* The dearest way that `pivots` steps can go: of each, with n in contact, one is let out or let in.
+/* The dearest way that `pivots` steps can go: of each, with n in contact, one is let out, let
+ * in, or refused.
  * Longest path by dynamic programming, from the last step to the first. */
 static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
     float rest[PALP_MAX_CANDIDATES + 1u] = {0.0f}, most = 0.0f;
@@ -69,8 +70,8 @@ static float full_answer(const palp_touch_cost *c) {
                          pivot_among(c, l.max_candidates, l.max_active));
     return (float)PALP_COUPLING_SOLVES *
                (palp_cost_begin(c, l.max_candidates) + palp_cost_couple(c, l.max_active)) +
-           palp_cost_refactor(c, l.max_active) + dearest_pivots(c, pivots - ends) +
-           (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
+           (1.0f + (float)(pivots / PALP_CONTACT_REFACTOR)) * palp_cost_refactor(c, l.max_active) +
+           dearest_pivots(c, pivots - ends) + (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
 }
 
 static float servo(const palp_touch_cost *c) { return PRICE(c, SERVO) + FRAMES * PRICE(c, FRAME); }
@@ -85,7 +86,10 @@ float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
     float nodes = c.nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
     l->max_candidates = no_more(l->max_candidates, nodes);
     l->max_active = no_more(l->max_active, nodes);
-    return servo(&c) + palp_cost_tail(&c, l->max_active) +
+    bool lowest = rung.level == 0u; /* nothing to look at below */
+    const palp_rung below = {lowest ? 0u : rung.level - 1u, lowest ? 0u : rung.level - 1u};
+    float look = lowest ? 0.0f : palp_cost_load(&c, below, l->max_candidates, l->max_active);
+    return servo(&c) + palp_cost_tail(&c, l->max_active) + look +
            palp_cost_search(&c, rung, l->max_candidates, l->max_active) + full_answer(&c) +
            (float)l->max_new *
                (palp_cost_admit(&c, rung, l->max_candidates, l->max_active) + PRICE(&c, QUANTUM));

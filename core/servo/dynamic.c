@@ -223,7 +223,7 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
                                            work_of_tools(&d->impose, d->force_N), d->changed);
         d->changed = false;
         if (!palp_is_finite(d->energy.total_J)) begin_again(d, report);
-        if (!d->config.uniform && !report->collapsed) {
+        if (!d->config.uniform && !report->collapsed && !report->lost) {
             report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;
             d->work_ns +=

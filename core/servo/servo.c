@@ -81,8 +81,9 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     s->passive = palp_passivity_configure(device->damping_Ns_per_m, palp_device_brake(device),
                                           palp_drive_delay(device->drives.protocol), s->dt_s,
                                           device->drives.torque_lag_s);
-    const uint32_t top = blob->meta->constraint_level;
-    s->bound_ns = palp_cost_full(&s->bounded.bound, (palp_rung){top, top});
+    const palp_ladder *ladder = &s->bounded.ladder;
+    for (uint32_t r = 0; r < ladder->rungs; r++)
+        s->bound_ns = palp_max(s->bound_ns, palp_cost_full(&s->bounded.bound, ladder->at[r]));
     palp_axes_init(&s->axes, device);
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);

@@ -273,15 +273,18 @@ static void consider(palp_contact *c, proposals *p, palp_fresh fresh, palp_touch
     insert(c, p, fresh, at.depth_m);
 }
 
+/* Whether there are looks left for a slot: at it and, of a mixed set, at the two hats above. */
+static bool may_look(const palp_contact *c, const proposals *p) {
+    return p->looks >= (is_mixed(c) ? 3u : 1u);
+}
+
 /* A slot, or the hats above it where the set is coarse. */
 static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
     const palp_blob *b = palp_contact_blob(c, fresh.body);
     const palp_domain *d = &b->domain[PALP_FREE];
     if (c->assembly != NULL) fresh.slot = ancestor(c, fresh.body, fresh.slot);
     if (fresh.slot >= b->level[level_in(c, fresh.body)].nodes || is_taken(c, fresh)) return;
-    uint32_t needed = is_mixed(c) ? 3u : 1u; /* it and the two hats above */
-    if (p->looks < needed) p->looks = 0;
-    if (p->looks == 0u) return;
+    if (!may_look(c, p)) return;
     palp_touch at = look_at(c, p, fresh);
     if (level_at(c, fresh.slot, at.reach) < PALP_MAX_LEVELS) {
         consider(c, p, fresh, at);
@@ -320,6 +323,7 @@ static void drop(palp_contact *c, uint32_t i) {
     const palp_candidate *gone = &c->candidate[i];
     c->place[c->first_slot[gone->body] + gone->slot] = 0;
     if (i == last) return;
+    /* at most two: a row for each spot */
     for (size_t k = 0; k < (c->assembly != NULL ? 2u * stride : stride); k += stride) {
         palp_row spare = c->row[k + i];
         c->row[k + i] = c->row[k + last];
@@ -428,7 +432,7 @@ static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
 
 /* Around the next candidates in turn. */
 static void propose_walk(palp_contact *c, proposals *p) {
-    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count && p->looks > 0u; i++) {
+    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count && may_look(c, p); i++) {
         c->walk = c->walk + 1u < c->count ? c->walk + 1u : 0u;
         propose_neighbours(c, p, &c->candidate[c->walk]);
     }
@@ -441,10 +445,11 @@ static void propose_scan(palp_contact *c, proposals *p) {
     if (tools == 0u) return;
     if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
     p->looks = PALP_CONTACT_SCAN;
-    for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes; i++) {
+    for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes && may_look(c, p); i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
         /* both in all at most bodies */
         while (body > 0u && c->scan < c->first_slot[body]) body--;
+        /* in all at most bodies */
         while (body + 1u < c->bodies && c->scan >= c->first_slot[body + 1u]) body++;
         uint32_t tool = (c->scan + c->probe) % tools;
         propose(c, p, (palp_fresh){c->scan - c->first_slot[body], tool, body, 0, 0});

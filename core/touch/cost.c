@@ -112,6 +112,9 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
             modes += (float)zones->seam[zones->part[i].seam[k]].level_modes[finest];
         all.modes = palp_max(all.modes, modes);
     }
+    for (uint32_t s = 0; s < zones->meta->seams; s++)
+        all.seam_width += 3.0f * (float)zones->seam[s].level_modes[finest];
+    all.unknowns = all.seam_width; /* until a level is in use */
     for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) all.nodes[l] = (float)PALP_MAX_CANDIDATES;
     all.place = PRICE(&all, PLACE) + PRICE(&all, PLACE_MODE) * all.modes;
     all.evaluation += all.place;
@@ -125,7 +128,7 @@ static bool mixed(palp_rung rung) { return rung.outer < rung.level; }
 
 static float drop(const palp_touch_cost *c, float k) {
     float moved = PRICE(c, MOVE) + (c->limits.friction ? PRICE(c, MOVE_BLOCK) : 0.0f);
-    float seams = c->zones > 1.0f ? PRICE(c, SEAM_MODE) * c->unknowns : 0.0f;
+    float seams = c->zones > 1.0f ? PRICE(c, SEAM_DOT) * c->seam_width : 0.0f;
     return PRICE(c, DROP) + moved * k + seams;
 }
 
@@ -284,7 +287,8 @@ float palp_cost_follow(const palp_touch_cost *cost, uint32_t count, uint32_t act
     float k = (float)count, place = PRICE(c, PLACE) + 3.0f * c->modes * PRICE(c, PLACE_MODE);
     float aimed = c->pairs > 1.0f ? (float)c->limits.max_new : 0.0f;
     float pair = PRICE(c, PAIR) + 2.0f * c->extraction;
-    return k * (c->pairs * place + 0.5f * solve + unknowns * PRICE(c, SEAM_MODE)) +
+    return k * (c->pairs * place + 0.5f * solve + unknowns * PRICE(c, SEAM_MODE) +
+                c->seam_width * PRICE(c, SEAM_DOT)) +
            (float)active * c->pairs * place +
            0.5f * k * (k + 1.0f) * (unknowns * PRICE(c, SEAM_DOT) + PRICE(c, MOVE)) +
            aimed * (c->nearest + c->row + 4.0f * c->place + 4.0f * k * pair);

@@ -35,6 +35,7 @@ typedef struct {
     float place, pairs;           /* where a node is; 2 if zones touch each other, else 1 */
     float nearest;                /* a nearest node sought on one zone */
     float seam_row, unknowns;     /* of the seams' level in use: one candidate's row, its length */
+    float seam_width;             /* length of a row on the finest of them */
 } palp_touch_cost;
 
 palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits limits,
@@ -95,7 +96,7 @@ float palp_cost_couple(const palp_touch_cost *cost, uint32_t active);
  * + 3 n ACTIVE, with friction + T FRICTION + n^2 FRICTION_PAIR. */
 float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
 
-/* palp_ladder_load: CHANGE + T (n FORCE + 3 levels words MARK_WORD) + (n + h) (CARRY + children
+/* palp_ladder_load: CHANGE + T (n FORCE + 4 words MARK_WORD) + (n + h) (CARRY + children
  * CHILD); of a mixed rung + n^2 FORCE, and an EVALUATION per force carried. */
 float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
@@ -113,10 +114,11 @@ float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t loa
 float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
 /*
- * palp_contact_follow on a level of the seams with `unknowns` (palp_seams_cost_solve being
- * `solve`): k (PLACE + modes PLACE_MODE + solve / 2 + unknowns SEAM_MODE) + k^2 / 2 (unknowns
- * SEAM_DOT + MOVE), palp_contact_load, and, of zones that touch each other, max_new (nearest + k
- * LOOK_UP).
+ * palp_contact_load and palp_contact_follow on a level of the seams with `unknowns`
+ * (palp_seams_cost_solve being `solve`), with p = 2 if zones touch each other, else 1:
+ * (k + n) p (PLACE + 3 modes PLACE_MODE) + k (solve / 2 + unknowns SEAM_MODE + width SEAM_DOT)
+ * + k (k + 1) / 2 (unknowns SEAM_DOT + MOVE), and with p = 2 max_new (a nearest node and a row + 4
+ * PLACE + 4 modes PLACE_MODE + 4 k (PAIR + 2 EXTRACTION)).
  */
 float palp_cost_follow(const palp_touch_cost *cost, uint32_t count, uint32_t active, float unknowns,
                        float solve);

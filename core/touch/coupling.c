@@ -93,8 +93,9 @@ bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact) {
     const uint32_t most = PALP_COUPLING_PIVOTS * contact->limits.max_pivots;
     bool spent = ++coupling->pivots >= most, more = palp_contact_step(contact);
     if (more && !spent) return true;
-    if (more) contact->flags |= PALP_CONTACT_PIVOTS_SPENT;
-    return !end_solve(coupling, contact) && !spent && coupling->solves < PALP_COUPLING_SOLVES;
+    bool settled = end_solve(coupling, contact);
+    if (more || (spent && !settled)) contact->flags |= PALP_CONTACT_PIVOTS_SPENT;
+    return !settled && !spent && coupling->solves < PALP_COUPLING_SOLVES;
 }
 
 void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,

@@ -335,6 +335,7 @@ uint32_t palp_contact_search_pairs(palp_contact *contact, palp_fresh *fresh, uin
         c->pair_scan = c->pair_scan + 1u < all ? c->pair_scan + 1u : 0u;
         /* both in all at most bodies */
         while (body > 0u && c->pair_scan < c->first_slot[body]) body--;
+        /* in all at most bodies */
         while (body + 1u < c->bodies && c->pair_scan >= c->first_slot[body + 1u]) body++;
         const palp_blob *b = palp_contact_blob(c, body);
         uint32_t slot = c->pair_scan - c->first_slot[body];

@@ -11,7 +11,7 @@ case $target in
 x86-64) cc=gcc run="qemu-x86_64 -plugin" ;;
 x86-64-avx2) cc=gcc arch="-mavx2" run="qemu-x86_64 -cpu max -plugin" ;;
 cortex-a53) cc=aarch64-linux-gnu-gcc run="qemu-aarch64 -plugin" ;;
-cortex-m7) cc=arm-none-eabi-gcc arch="-mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard" host="" ;;
+cortex-m7) cc=arm-none-eabi-gcc arch="-mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard" host="-DQEMU_TICK_PS=40000u" ;;
 *) echo "cases.sh: unknown target '$target'" >&2; exit 2 ;;
 esac
 mkdir -p "$out"
@@ -26,7 +26,7 @@ if [ ! -e "$out/cases" ] || [ -n "$newer" ]; then
     if [ "$target" = cortex-m7 ]; then # memory: the board's PSRAM
         $cc $flags -Dmain=hosted_main -DCASES_AT=0x60000000 -c $program -o "$out/main.o"
         $cc $flags -nostartfiles --specs=rdimon.specs -T port/cortexm/an500.ld $rest tests/wcet/bare.c \
-            port/cortexm/start.c "$out"/*.o -lm -o "$out/cases"
+            port/cortexm/start.c port/cortexm/systick.c "$out"/*.o -lm -o "$out/cases"
     else
         $cc $flags $program $rest "$out"/*.o -o "$out/cases"
         gcc -O2 -shared -fPIC tests/wcet/counter.c -o "$out/counter.so"

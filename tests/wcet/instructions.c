@@ -24,30 +24,8 @@ void instructions_open(void) {
     count = p;
 }
 #else
-/* Counts down from 2^24 in ticks of TICK_PS; an instruction takes 2^ICOUNT_SHIFT ns. To be read
- * before it wraps: every ten million instructions. */
-#define SYST_CSR (*(volatile uint32_t *)0xE000E010u)
-#define SYST_RVR (*(volatile uint32_t *)0xE000E014u)
-#define SYST_CVR (*(volatile uint32_t *)0xE000E018u)
-#ifndef TICK_PS
-#define TICK_PS 40000u /* mps2-an500 */
-#endif
-#define ICOUNT_SHIFT 6u
-#define MASK 0xFFFFFFu
+#include "port/cortexm/systick.h"
 
-static uint32_t last = MASK;
-static uint64_t ticks;
-
-void instructions_open(void) {
-    SYST_RVR = MASK;
-    SYST_CVR = 0;
-    SYST_CSR = 5;
-}
-
-uint64_t instructions(void) {
-    uint32_t now = SYST_CVR & MASK;
-    ticks += (last - now) & MASK;
-    last = now;
-    return ticks * TICK_PS / (1000u << ICOUNT_SHIFT);
-}
+void instructions_open(void) { systick_start(); }
+uint64_t instructions(void) { return systick_instructions(); }
 #endif

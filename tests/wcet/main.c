@@ -125,5 +125,6 @@ int main(int argc, char **argv) {
     instructions_open();
     int status = run(&c, bytes, seed, episodes);
     print_classes();
+    for (uint32_t i = 0; i < CLASSES; i++) status |= class[i].beyond > 0;
     return status;
 }
