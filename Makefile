@@ -111,7 +111,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic) tests/freestanding.sh
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 

@@ -97,7 +97,7 @@ static double slowest(bench *b, int rounds, double ns_per_instruction) {
 }
 
 void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
-               uint32_t node) {
+               uint32_t node, bool cold) {
     const palp_target *target = machine_of_this_build();
     uint32_t level = blob->meta->constraint_level;
     machine_find(m, target != NULL ? target->name : palp_target_counted.name);
@@ -117,10 +117,12 @@ void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, co
         PALP_OK)
         die(EXIT_WORK, "the contact limits are unsound");
     double warm = slowest(&b, ROUNDS, 0);
-    b.other = allocate(COLD_BYTES, 1);
-    double cold = slowest(&b, 1, warm);
     m->ns_per_instruction = (float)(CALIBRATE_SAFETY * warm);
-    m->ns_per_byte = (float)(CALIBRATE_SAFETY * cold);
+    m->ns_per_byte = 0;
+    if (cold) {
+        b.other = allocate(COLD_BYTES, 1);
+        m->ns_per_byte = (float)(CALIBRATE_SAFETY * slowest(&b, 1, warm));
+    }
     snprintf(m->basis, sizeof m->basis, "measured here, times %g", CALIBRATE_SAFETY);
     free(b.other);
     free(memory);
@@ -189,7 +191,7 @@ int command_calibrate(int argc, char **argv) {
     palp_tool tool = palp_tool_sphere(6 * blob.meta->mean_edge_m);
     uint32_t node = blob.domain[PALP_FREE].node[blob.domain[PALP_FREE].slots / 2u];
     output out = open_output(path);
-    calibrate(&m, &blob, PALP_CONTACT_DEFAULTS, &tool, node);
+    calibrate(&m, &blob, PALP_CONTACT_DEFAULTS, &tool, node, true);
     if (machine_of_this_build() == NULL)
         warn("no instruction counts are shipped for this machine: the table counts operations");
     machine_write(out.file, &m);

@@ -48,7 +48,7 @@ static void set_option(void *context, const argument *a) {
         if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
         s->blob = a->value[0];
     } else if (strcmp(a->option, "--rate") == 0) {
-        s->rate_hz = arg_between(a, 0, 1e6);
+        s->rate_hz = arg_between(a, 0, 1e9);
     } else if (strcmp(a->option, "--target") == 0) {
         s->target = a->value[0];
     } else if (strcmp(a->option, "--limits") == 0) {

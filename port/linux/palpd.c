@@ -398,7 +398,7 @@ int main(int argc, char **argv) {
     config.limits.friction = s.friction > 0;
     machine speed;
     if (!s.lockstep) {
-        calibrate(&speed, &blob, config.limits, &config.tool, touch.node);
+        calibrate(&speed, &blob, config.limits, &config.tool, touch.node, false);
         config.cost = machine_table(&speed, TICK_SHARE);
     }
     loop->servo = open_servo(&blob, &config);
