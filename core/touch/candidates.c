@@ -5,8 +5,7 @@
 
 #define MARGIN 0.35f /* candidates are taken in this far before they touch, over the size */
 #define FACING 0.2f  /* least cosine between a new one's normal and the direction of the tool */
-#define DESCENT_STEPS 32u  /* moves of the nearest node per search */
-#define KEEP 1.25f         /* idle candidates are kept to this times the reach for new ones */
+#define KEEP 1.25f   /* idle candidates are kept to this times the reach for new ones */
 #define MAX_NEIGHBOURS 64u /* of a basis function on a coarse level */
 #define BORDER 0.15f       /* idle candidates may be this far on the wrong side of the zone */
 
@@ -192,7 +191,7 @@ uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_v
             }
         }
     }
-    for (uint32_t step = 0; step < DESCENT_STEPS; step++) {
+    for (uint32_t step = 0; step < PALP_CONTACT_DESCENT; step++) {
         uint32_t from = nearest;
         for (uint32_t i = blob->ring_offset[from]; i < blob->ring_offset[from + 1u]; i++) {
             float d = distance2(place, blob->ring[i], p);

@@ -51,8 +51,9 @@ typedef struct {
 
 #define PALP_MAX_TOOLS 4u
 #define PALP_MAX_CANDIDATES 256u
-#define PALP_CONTACT_SCAN 32u /* slots looked at in turn by each search */
-#define PALP_CONTACT_WALK 24u /* candidates whose neighbours are, in turn */
+#define PALP_CONTACT_SCAN 32u    /* slots looked at in turn by each search */
+#define PALP_CONTACT_DESCENT 32u /* moves of the nearest node, at most */
+#define PALP_CONTACT_WALK 24u    /* candidates whose neighbours are, in turn */
 #define PALP_CONTACT_LOOKS                                                                         \
     48u /* close looks at those, and as many as slots in turn at the slots                         \
          */

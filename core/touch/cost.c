@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "cost.h"
 
-#define DESCENT 32.0f /* moves of the nearest node, as in candidates.c */
-#define MIXED 3.0f    /* looks at a tool for one slot: it and the two hats above */
+#define MIXED 3.0f /* looks at a tool for one slot: it and the two hats above */
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
@@ -118,7 +117,8 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
     for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) all.nodes[l] = (float)PALP_MAX_CANDIDATES;
     all.place = PRICE(&all, PLACE) + PRICE(&all, PLACE_MODE) * all.modes;
     all.evaluation += all.place;
-    all.nearest = PRICE(&all, NEAREST) + PRICE(&all, CELL) * (all.cells + DESCENT * all.ring);
+    all.nearest = PRICE(&all, NEAREST) +
+                  PRICE(&all, CELL) * (all.cells + (float)PALP_CONTACT_DESCENT * all.ring);
     return all;
 }
 
@@ -138,7 +138,8 @@ float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t cou
     float k = (float)count, n = (float)active, idle = k - n;
     float near = c->near[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
     float look = PRICE(c, CLOSE) + c->evaluation + PRICE(c, SIFT) * (float)c->limits.max_new;
-    float seek = PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + DESCENT * c->ring);
+    float seek =
+        PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + (float)PALP_CONTACT_DESCENT * c->ring);
     float free_tools = c->zones > 1.0f || active == 0u ? c->tools : c->tools - 1.0f;
     float walked = least((float)PALP_CONTACT_WALK, k);
     float asked = (walked * near + free_tools * c->zones) * (mixed(rung) ? MIXED : 1.0f);

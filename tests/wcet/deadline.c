@@ -10,6 +10,7 @@
  * clock leaps, at a look chosen at random, to where nothing is left but what is kept back for
  * giving it up. After either the answer must be there in time.
  */
+#include "blobfile.h"
 #include "tools/hunt.h"
 #include <math.h>
 #include <stdio.h>
@@ -56,18 +57,6 @@ static uint64_t now_ns(void *context) {
     float left = whole - (float)(now - b->start_ns) - b->retreat_ns * (1.0f + t->left_over) - 2.0f;
     if (left > 0.0f) t->leapt_ns += (uint64_t)left;
     return done_ns(t) + t->leapt_ns;
-}
-
-static void *load(const char *path, size_t *bytes) {
-    FILE *f = fopen(path, "rb");
-    if (f == NULL) exit(2);
-    fseek(f, 0, SEEK_END);
-    *bytes = (size_t)ftell(f);
-    rewind(f);
-    void *data = aligned_alloc(64, (*bytes + 63) / 64 * 64);
-    if (fread(data, 1, *bytes, f) != *bytes) exit(1);
-    fclose(f);
-    return data;
 }
 
 int main(int argc, char **argv) {

@@ -6,6 +6,7 @@
  * (core/servo/axes.c). Prints the median time of a tick in each, over the ordinary one; built with
  * -DINSTRUCTIONS, the most instructions.
  */
+#include "blobfile.h"
 #include "core/palp.h"
 #include "sim/subnormals.h"
 #include <math.h>
@@ -38,18 +39,6 @@ static double cost_now(void) {
 static int compare(const void *a, const void *b) {
     double p = *(const double *)a, q = *(const double *)b;
     return (p > q) - (p < q);
-}
-
-static void *load(const char *path, size_t *bytes) {
-    FILE *f = fopen(path, "rb");
-    if (f == NULL) exit(2);
-    fseek(f, 0, SEEK_END);
-    *bytes = (size_t)ftell(f);
-    rewind(f);
-    void *data = aligned_alloc(64, (*bytes + 63) / 64 * 64);
-    if (fread(data, 1, *bytes, f) != *bytes) exit(1);
-    fclose(f);
-    return data;
 }
 
 /* Cost of a tick: the median, or of instructions the most; after the tool has sunk in. */
