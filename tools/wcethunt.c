@@ -22,9 +22,10 @@ typedef struct {
 typedef struct {
     palp_touch_cost cost;
     dearest of[2 * PALP_MAX_LEVELS];
-    double best;           /* of the path under way, on the finest rung */
-    double longest_ns;     /* of any of its ticks, by the clock */
-    const hunt_path *path; /* under way */
+    double full[2 * PALP_MAX_LEVELS]; /* what the limits of a rung allow; 0: not known yet */
+    double best;                      /* of the path under way, on the finest rung */
+    double longest_ns;                /* of any of its ticks, by the clock */
+    const hunt_path *path;            /* under way */
     uint32_t finest;
     bool print;
     uint64_t ticks;
@@ -38,7 +39,8 @@ static uint64_t clock_ns(void *context) {
 static void told(void *context, const hunt_tick *tick) {
     hunting *h = context;
     uint32_t at = 2u * tick->rung.level + (tick->rung.outer < tick->rung.level);
-    double instructions = (double)hunt_bound(&h->cost, tick);
+    if (!(h->full[at] > 0)) h->full[at] = (double)palp_cost_full(&h->cost, tick->rung);
+    double instructions = fmin((double)hunt_bound(&h->cost, tick), h->full[at]);
     h->ticks++;
     h->longest_ns = fmax(h->longest_ns, (double)tick->cost);
     if (h->print)
@@ -109,7 +111,7 @@ void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
     for (uint32_t at = 0; at < 2 * PALP_MAX_LEVELS; at++) {
         const dearest *w = &state->of[at];
         if (!(w->instructions > 0)) continue;
-        double bound = (double)palp_cost_full(&state->cost, w->tick.rung);
+        double bound = state->full[at];
         fprintf(stderr,
                 "  level %u/%u: %.0f of at most %.0f instructions (%.2f): %u candidates, %u in "
                 "contact, %u taken in, %u pivots in %u solves\n",
