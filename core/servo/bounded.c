@@ -34,12 +34,13 @@ static size_t need_of(const palp_bounded_config *c) {
 
 static void set_bound(palp_bounded *b) {
     const palp_bounded_config *c = &b->config;
-    palp_prices ns = palp_prices_of(&c->cost);
+    palp_prices *ns = &b->bound.price; /* no copy on the stack */
+    *ns = palp_prices_of(&c->cost);
     if (c->assembly == NULL) {
-        b->bound = palp_touch_cost_of(c->blob, c->limits, c->tools, c->tool_count, &ns);
+        b->bound = palp_touch_cost_of(c->blob, c->limits, c->tools, c->tool_count, ns);
     } else {
         b->bound = palp_touch_cost_of_zones(c->assembly->zones, c->assembly->seams.finest, c->pairs,
-                                            c->limits, c->tools, c->tool_count, &ns);
+                                            c->limits, c->tools, c->tool_count, ns);
     }
 }
 

@@ -94,17 +94,19 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
     all.zones = (float)zones->meta->zones;
     all.pairs = pairs ? 2.0f : 1.0f;
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
-        palp_touch_cost c = palp_touch_cost_of(&zones->blob[i], limits, tools, tool_count, price);
-        uint32_t level = zones->blob[i].meta->constraint_level;
-        all.ring = palp_max(all.ring, c.ring);
-        all.cells = palp_max(all.cells, c.cells);
-        all.children = palp_max(all.children, c.children);
-        for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++)
-            all.near[l] = palp_max(all.near[l], c.near[level]);
-        if ((c.tables >> level & 1u) == 0u) { /* look-ups fail */
+        const palp_blob *blob = &zones->blob[i];
+        const palp_meta *m = blob->meta;
+        float near = most_near(blob, m->constraint_level);
+        all.ring = palp_max(all.ring, (float)m->max_ring);
+        all.cells = palp_max(all.cells, most_in_block(blob));
+        all.children = palp_max(all.children, most_children(&blob->domain[PALP_FREE]));
+        all.slots = palp_max(all.slots, (float)blob->domain[PALP_FREE].slots);
+        for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) all.near[l] = palp_max(all.near[l], near);
+        if (blob->level[m->constraint_level].table == NULL) { /* look-ups fail */
             all.tables = 0;
-            all.row = palp_max(all.row, c.row);
-            all.extraction = palp_max(all.extraction, c.extraction);
+            all.row = palp_max(all.row, palp_cost_row(price, blob, m->max_row));
+            all.extraction =
+                palp_max(all.extraction, palp_cost_extract(price, blob, m->max_row, m->max_groups));
         }
         float modes = 0.0f;
         for (uint32_t k = 0; k < zones->part[i].seams; k++)
