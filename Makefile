@@ -4,7 +4,7 @@
 CROSS ?=
 BUILD ?= build$(if $(CROSS),/$(patsubst %-,%,$(CROSS)))
 PREFIX ?= /usr/local
-VERSION := 0.2
+VERSION := 0.3
 CC := $(if $(CROSS),$(CROSS)gcc,$(if $(filter default,$(origin CC)),gcc,$(CC)))
 AR := $(CROSS)ar
 
