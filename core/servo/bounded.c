@@ -140,12 +140,11 @@ static float retreat_ns(const palp_bounded *b, uint32_t rung, uint32_t load, uin
            palp_cost_answer(&b->bound, count, pressed, PALP_LEAST_PIVOTS);
 }
 
-/* The same for the present rung when `pivots` more have been taken. */
-static void keep_back(palp_bounded *b, uint32_t pivots) {
+/* The same for the present rung, `taken` pivots into this tick, when `more` have been taken. */
+static void keep_back(palp_bounded *b, uint32_t taken, uint32_t more) {
     uint32_t active =
-        least(palp_ladder_contact(&b->ladder)->active_count + pivots, b->config.limits.max_active);
-    uint32_t load =
-        b->retreat_load + PIVOT_HATS * (palp_ladder_contact(&b->ladder)->pivots + pivots);
+        least(palp_ladder_contact(&b->ladder)->active_count + more, b->config.limits.max_active);
+    uint32_t load = b->retreat_load + PIVOT_HATS * (taken + more);
     b->retreat_ns = retreat_ns(b, b->ladder.rung, load, active);
 }
 
@@ -180,7 +179,7 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
             palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count) +
             look_ns(b, b->ladder.rung, c->active_count);
         b->retreat_load = palp_ladder_load(&b->ladder, b->ladder.rung - 1u);
-        keep_back(b, PALP_LEAST_PIVOTS);
+        keep_back(b, 0, PALP_LEAST_PIVOTS);
         if (need + b->retreat_ns <= palp_bounded_left_ns(b)) break;
         drop(b, r);
     }
@@ -225,7 +224,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *se
         if (all) {
             b->retreat_ns = 0.0f;
         } else {
-            keep_back(b, 1u);
+            keep_back(b, b->coupling.pivots, 1);
         }
         if (quanta > 0u && quantum + b->retreat_ns > palp_bounded_left_ns(b)) break;
         more = palp_coupling_step(&b->coupling, c);

@@ -41,8 +41,7 @@ float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t act
 }
 
 /* The dearest way that `pivots` steps can go: of each, with n in contact, one is let out, let
- * in, or refused.
- * Longest path by dynamic programming, from the last step to the first. */
+ * in, or refused. Longest path by dynamic programming, from the last step to the first. */
 static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
     float rest[PALP_MAX_CANDIDATES + 1u] = {0.0f}, most = 0.0f;
     const palp_contact_limits l = c->limits;
@@ -51,8 +50,11 @@ static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
         most = 0.0f;
         for (uint32_t n = 0; n <= l.max_active; n++) {
             float out = n > 0u ? palp_cost_pivot_out(c, n) + below : 0.0f;
-            float in =
-                n < l.max_active ? palp_cost_pivot_in(c, l.max_candidates, n) + rest[n + 1u] : 0.0f;
+            float in = 0.0f;
+            if (n < l.max_active) { /* or refused: its pivot vanishes */
+                float after = palp_max(rest[n], rest[n + 1u]);
+                in = palp_cost_pivot_in(c, l.max_candidates, n) + after;
+            }
             below = rest[n];
             rest[n] = palp_cost_pivot_solve(c, n) + palp_max(out, in);
             most = palp_max(most, rest[n]);

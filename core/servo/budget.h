@@ -42,9 +42,8 @@ float palp_cost_tail(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t active,
                        uint32_t pivots);
 
-/* The whole tick: everything that the limits allow on one rung, the look at what giving it up would
- * cost included, and the least that still is an
- * answer, on the coarsest one. */
+/* The whole tick: everything that the limits allow on one rung, with the look at what giving it up
+ * would cost, and the least that still is an answer, on the coarsest one. */
 float palp_cost_full(const palp_touch_cost *cost, palp_rung rung);
 float palp_cost_least(const palp_touch_cost *cost);
 
