@@ -45,6 +45,8 @@ static const char help[] =
     "  --detail-levels K       Loop steps of that surface, 1 to 3 (default 1)\n"
     "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
     "(default 8; of each zone 64)\n"
+    "  --modes N               modes of the regular part that contact uses, 0 to 128 (default 56);\n"
+    "                          0: a body that cannot be touched\n"
     "  --storage f32|f16       how columns are stored (default f32)\n"
     "  --reciprocity enforce|raw   raw keeps the unsymmetric collocation result (study only)\n"
     "  --compliance FILE.npy   use this compliance matrix (m/N) in place of the solver\n"
@@ -69,7 +71,7 @@ static const char help[] =
 #define BAKE_OPTIONS                                                                               \
     BODY_OPTIONS, TET_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},   \
         {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1}, {"--storage", 1},        \
-        {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1}, {                               \
+        {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1}, {"--modes", 1}, {               \
         "--detail-levels", 1                                                                       \
     }
 
@@ -82,7 +84,7 @@ typedef struct {
     tet_model tets;
     const char *input, *output, *save_mesh, *detail;
     bool half, raw, level_chosen, in_file, table_given;
-    uint32_t constraint_level, detail_levels;
+    uint32_t constraint_level, detail_levels, modes;
     double epsilon, table_mb;
     wavelet wavelet;
     threshold_rule rule;
@@ -134,6 +136,9 @@ static void set_option(void *context, const argument *a) {
         if (!(s->epsilon >= 0 && s->epsilon < 1)) {
             die(EXIT_USAGE, "%s: %s is out of range: need 0 <= value < 1", a->where, a->value[0]);
         }
+    } else if (strcmp(o, "--modes") == 0) {
+        s->modes = arg_u32(a, 0, 0, PALP_MAX_MODES);
+        s->modes = (s->modes + PALP_MODE_LANES - 1) / PALP_MODE_LANES * PALP_MODE_LANES;
     } else if (strcmp(o, "--storage") == 0) {
         s->half = arg_word(a, storages) == 1;
     } else if (strcmp(o, "--reciprocity") == 0) {
@@ -148,6 +153,7 @@ static bake_spec read_spec(int argc, char **argv) {
     const bake_spec defaults = {.body = body_defaults,
                                 .epsilon = 0.05,
                                 .detail_levels = 1,
+                                .modes = BUILD_MODES,
                                 .table_mb = 8,
                                 .wavelet = {.kind = WAVELET_LINEAR, .lifted = true}};
     bake_spec s = defaults;
@@ -225,6 +231,11 @@ static void report(FILE *f, const built *b, const detail_data *detail, double se
                 blob.level[l].table != NULL ? " (table)" : "");
     }
     fprintf(f, "\n");
+    if (m->modes > 0) {
+        fprintf(f, "contact               %" PRIu32 " modes, %.2g of the compliance left over; %zu bytes\n",
+                m->modes, b->left_over,
+                6 * (size_t)m->nodes * m->modes + 12 * (size_t)m->triangles + 4 * (size_t)m->modes);
+    }
     if (detail->vertices > 0) {
         fprintf(f,
                 "detail                %" PRIu32
@@ -301,7 +312,8 @@ int command_bake(int argc, char **argv) {
     build_options build = {.wavelet = s.wavelet,
                            .compress = {.epsilon = s.epsilon, .rule = s.rule, .half = s.half},
                            .table_bytes = s.table_mb * 1e6,
-                           .raw = s.raw};
+                           .raw = s.raw,
+                           .modes = s.modes};
     domains d = domains_build(&m, fixed, area, build.wavelet);
     build.constraint_level = choose_constraint_level(&s, &m, &d);
     detail_data detail = {.vertices = 0};

@@ -167,7 +167,7 @@ baseline_result baseline_low_rank(const baseline_matrix *m, size_t leaf, double 
                   .allowed2 = rms * rms * total / entries,
                   .stored = allocate(pairs, sizeof(double)),
                   .lost2 = allocate(pairs, sizeof(double))};
-    progress_begin("block low rank", 1);
+    progress_begin("block low rank", 0);
     parallel_for(pairs, approximate, &l);
     progress_end();
     double stored = 0, lost = 0, patch = 0, patch_nodes = 0;

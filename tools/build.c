@@ -3,6 +3,7 @@
 #include "core/green/hierarchy.h"
 #include "dense.h"
 #include "parallel.h"
+#include "regular.h"
 #include "soften.h"
 #include "util.h"
 #include <inttypes.h>
@@ -213,6 +214,22 @@ static uint32_t longest_row(const palp_blob *blob) {
     return longest;
 }
 
+/* What contact needs, from the columns of the constraint level. */
+static regular_data build_regular(builder *b, double (*normal)[3], const palp_meta *meta) {
+    const regular_body body = {.m = b->content.m,
+                               .area = b->area,
+                               .normal = normal,
+                               .young_Pa = (double)meta->young_Pa,
+                               .poisson = (double)meta->poisson,
+                               .h = &b->d->h,
+                               .level = b->level};
+    if (b->o->modes == 0 || b->o->raw || b->g->scalar) return (regular_data){.modes = 0};
+    double *x = gather_columns(b, b->level);
+    regular_data r = regular_build(&body, x, b->o->modes);
+    free(x);
+    return r;
+}
+
 static palp_blob reopen(builder *b, built *out) {
     palp_blob blob;
     free(out->bytes);
@@ -265,6 +282,9 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     stiffness_range(&b, normal, out_meta);
     built out = {.bytes = NULL};
     float *softening = NULL;
+    regular_data regular = build_regular(&b, normal, out_meta);
+    b.content.regular = regular.modes > 0 ? &regular : NULL;
+    out.left_over = regular.left_over;
     palp_blob blob = reopen(&b, &out);
     b.content.max_row = longest_row(&blob);
     if (!options->raw && !g->scalar && b.table[b.level] == NULL) {
@@ -274,6 +294,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     }
     (void)reopen(&b, &out);
     free(softening);
+    regular_free(&regular);
     for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++)
         columns_free(&b.columns[k / PALP_DOMAINS][k % PALP_DOMAINS]);
     for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) {

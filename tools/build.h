@@ -15,13 +15,17 @@ typedef struct {
     bool loads_only;           /* no columns of fixed nodes */
     const detail_data *detail; /* display surface; NULL: none */
     uint32_t constraint_level; /* finest level whose columns are stored */
+    uint32_t modes;            /* of the regular part, for contact; 0: none */
 } build_options;
+
+#define BUILD_MODES 56u /* by default: 0.9 MB with 2,562 nodes */
 
 typedef struct {
     uint8_t *bytes;
     size_t size;
     palp_meta meta;
     double softened; /* largest softening over a node's own compliance */
+    double left_over; /* of regular_data */
 } built;
 
 /* The wavelet domains of a mesh. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "definite.h"
 #include "dense.h"
+#include "eigen.h"
 #include "parallel.h"
 #include "util.h"
 #include <math.h>
@@ -12,7 +13,6 @@
 #define BASIS (BLOCK * BLOCKS)
 #define FIRST_SHIFT 0.05
 #define LAST_SHIFT 10.0
-#define JACOBI_SWEEPS 30
 
 /* a := S + shift I */
 static void scaled_copy(const double *g, size_t n, size_t stride, const double *root, double shift,
@@ -78,37 +78,6 @@ static double *krylov_basis(const double *factor, size_t n) {
     return q;
 }
 
-/* Eigenpairs of a small symmetric matrix by cyclic Jacobi rotations; columns of v. */
-static void jacobi(double *a, double *v, size_t n) {
-    memset(v, 0, n * n * sizeof *v);
-    for (size_t i = 0; i < n; i++) v[i * n + i] = 1;
-    for (int sweep = 0; sweep < JACOBI_SWEEPS; sweep++) {
-        for (size_t p = 0; p + 1 < n; p++) {
-            for (size_t q = p + 1; q < n; q++) {
-                double off = a[p * n + q];
-                if (fabs(off) < 1e-300) continue;
-                double theta = (a[q * n + q] - a[p * n + p]) / (2 * off);
-                double t = (theta >= 0 ? 1 : -1) / (fabs(theta) + sqrt(theta * theta + 1));
-                double c = 1 / sqrt(t * t + 1), s = t * c;
-                for (size_t k = 0; k < n; k++) {
-                    double x = a[k * n + p], y = a[k * n + q];
-                    a[k * n + p] = c * x - s * y;
-                    a[k * n + q] = s * x + c * y;
-                }
-                for (size_t k = 0; k < n; k++) {
-                    double x = a[p * n + k], y = a[q * n + k];
-                    a[p * n + k] = c * x - s * y;
-                    a[q * n + k] = s * x + c * y;
-                    x = v[k * n + p];
-                    y = v[k * n + q];
-                    v[k * n + p] = c * x - s * y;
-                    v[k * n + q] = s * x + c * y;
-                }
-            }
-        }
-    }
-}
-
 /* g += (floor - lambda) (root o x)(root o x)^T */
 static void raise(double *g, size_t n, size_t stride, const double *root, const double *x,
                   double amount) {
@@ -137,7 +106,7 @@ static void raise_lowest(double *g, size_t n, size_t stride, const double *root,
     for (size_t k = 0; k < BASIS; k++) {
         for (size_t l = 0; l < k; l++) small[k * BASIS + l] = small[l * BASIS + k];
     }
-    jacobi(small, v, BASIS);
+    symmetric_eigen(small, v, BASIS);
     for (size_t k = 0; k < BASIS; k++) {
         double lambda = small[k * BASIS + k];
         if (lambda >= DEFINITE_FLOOR) continue;

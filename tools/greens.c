@@ -193,7 +193,7 @@ static void solve_columns(const rbvp *p) {
             "body against every translation and rotation",
             bad / 3);
     }
-    progress_begin("Green's functions", 1);
+    progress_begin("Green's functions", 0);
     dense_lu_solve(p->h, order, order, perm, p->g, p->g_stride, p->g_stride);
     progress_end();
     free(perm);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "parallel.h"
 #include "util.h"
+#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <unistd.h>
@@ -58,7 +59,7 @@ void progress_quiet(int quiet) { progress.quiet = quiet; }
 void progress_begin(const char *stage, double total) {
     pthread_mutex_lock(&progress.lock);
     progress.stage = stage;
-    progress.total = total > 0 ? total : 1;
+    progress.total = total;
     progress.done = 0;
     progress.start = progress.shown = now_s();
     progress.next_mark = 0.1;
@@ -67,12 +68,12 @@ void progress_begin(const char *stage, double total) {
 
 void progress_add(double amount) {
     pthread_mutex_lock(&progress.lock);
-    if (progress.stage == NULL) { /* work that belongs to no stage */
+    if (progress.stage == NULL || !(progress.total > 0)) { /* no stage, or one of unknown length */
         pthread_mutex_unlock(&progress.lock);
         return;
     }
     progress.done += amount;
-    double fraction = progress.done / progress.total;
+    double fraction = fmin(progress.done / progress.total, 1);
     double t = now_s();
     double left = fraction < 1 ? (t - progress.start) * (1 / fraction - 1) : 0;
     if (!progress.quiet && isatty(2)) {
@@ -83,7 +84,7 @@ void progress_add(double amount) {
         }
     } else if (!progress.quiet && fraction >= progress.next_mark && t - progress.start > 5) {
         fprintf(stderr, "%s: %.0f %%, %.0f s left\n", progress.stage, 100 * fraction, left);
-        while (progress.next_mark <= fraction) progress.next_mark += 0.1;
+        progress.next_mark = 0.1 * (floor(10 * fraction) + 1);
     }
     pthread_mutex_unlock(&progress.lock);
 }

@@ -20,7 +20,8 @@ void parallel_for(size_t items, work_item work, void *context);
 
 /*
  * Progress of one stage on stderr: a line that is rewritten with the time left on a terminal, a
- * line every tenth otherwise. progress_add may be called from any thread.
+ * line every tenth otherwise. progress_add may be called from any thread. A total of 0 stands for a
+ * stage of unknown length: only its time is told. Amounts beyond the total count as all of it.
  */
 void progress_begin(const char *stage, double total);
 void progress_add(double amount);

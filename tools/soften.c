@@ -89,7 +89,7 @@ soften_report soften(const palp_blob *blob, float *softening) {
     normal_columns c = {.blob = blob, .m = blob->level[blob->meta->constraint_level].nodes};
     c.normal = allocate_aligned(c.m * c.m, sizeof *c.normal);
     double *amplitude = allocate(c.m, sizeof *amplitude);
-    progress_begin("contact definiteness", 1);
+    progress_begin("contact definiteness", 0);
     parallel_for(c.m, fill_column, &c);
     for (size_t i = 0; i < c.m; i++) {
         for (size_t j = 0; j < i; j++) {

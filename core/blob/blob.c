@@ -234,6 +234,35 @@ static void read_levels(palp_reader *r, palp_blob *b) {
     palp_reader_require(r, b->level[0].nodes >= 1u);
 }
 
+/* Whether triangle `t` lies across the edge of triangle `s` that faces corner `corner`. */
+static bool is_across(const palp_blob *b, uint32_t s, uint32_t corner, uint32_t t) {
+    const uint32_t *from = b->triangle + 3u * (size_t)s, *to = b->triangle + 3u * (size_t)t;
+    const uint32_t p = from[(corner + 1u) % 3u], q = from[(corner + 2u) % 3u];
+    for (uint32_t k = 0; k < 3u; k++) {
+        if (to[k] == q && to[(k + 1u) % 3u] == p) return s != t;
+    }
+    return false;
+}
+
+static void read_regular(palp_reader *r, palp_blob *b) {
+    const palp_meta *m = b->meta;
+    palp_regular *v = &b->regular;
+    if (m->modes == 0u) return;
+    palp_reader_require(r, m->modes <= PALP_MAX_MODES && m->modes % PALP_MODE_LANES == 0u &&
+                               m->poisson > -1.0f && m->poisson <= 0.5f);
+    if (r->status != PALP_OK) return;
+    v->across = palp_reader_indices(r, PALP_SEC_ACROSS, m->triangles, 3, m->triangles);
+    v->value = palp_reader_floats(r, PALP_SEC_MODE_VALUE, m->modes, 1);
+    v->vector =
+        palp_reader_section(r, PALP_SEC_MODE, (uint64_t)m->nodes * 3u * m->modes, sizeof(int16_t));
+    if (r->status != PALP_OK) return;
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        for (uint32_t k = 0; k < 3u; k++)
+            palp_reader_require(r, is_across(b, t, k, v->across[3u * (size_t)t + k]));
+    }
+    v->modes = m->modes;
+}
+
 palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
     palp_reader r = palp_reader_open(data, bytes);
     palp_blob b = {.bytes = bytes};
@@ -251,6 +280,7 @@ palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
     }
     if (r.status == PALP_OK) read_levels(&r, &b);
     if (r.status == PALP_OK) read_detail(&r, &b);
+    if (r.status == PALP_OK) read_regular(&r, &b);
     if (r.status == PALP_OK) *blob = b;
     return r.status;
 }

@@ -75,6 +75,21 @@ typedef struct {
         *list; /* [nodes + 1], [vertices]: the vertices that lie nearest each node */
 } palp_detail;
 
+/*
+ * What contact needs of the surface: which triangle lies across each edge, and the regular part
+ * H = G - B of the compliance (MATH: B is the half-space's) by its largest eigenpairs,
+ *
+ *     H_kl = sum_a value[a] U_ka U_la^T,   U_ka = vector[k][.][a] / PALP_MODE_UNIT
+ *
+ * A shorter prefix of the modes is a coarser H.
+ */
+typedef struct {
+    uint32_t modes;         /* 0: none stored, the other pointers are NULL */
+    const uint32_t *across; /* [triangles][3] across the edge that faces each corner */
+    const float *value;     /* [modes] m/N */
+    const int16_t *vector;  /* [nodes][3][modes] */
+} palp_regular;
+
 typedef struct {
     const palp_meta *meta;
     const float *rest_m;         /* [nodes][3] */
@@ -91,6 +106,7 @@ typedef struct {
     palp_columns columns[PALP_DOMAINS][PALP_DOMAINS]; /* [row domain][column domain] */
     palp_level level[PALP_MAX_LEVELS]; /* constraint hierarchy, 0..constraint_level */
     palp_detail detail;
+    palp_regular regular;
     size_t bytes;
 } palp_blob;
 

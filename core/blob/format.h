@@ -22,6 +22,10 @@
 #define PALP_GROUP_VALUES 72u /* nine entries, each PALP_LANES wide */
 #define PALP_FIXED_FLAG 0x80000000u
 
+#define PALP_MAX_MODES 128u
+#define PALP_MODE_LANES 8u
+#define PALP_MODE_UNIT 32767.0f
+
 /* The two domains of the reference boundary value problem (MR 21-24). */
 #define PALP_FREE 0u  /* Lambda_p: unknown displacement u (m), given nodal force f (N) */
 #define PALP_FIXED 1u /* Lambda_u: unknown traction p (Pa), given displacement u (m) */
@@ -61,6 +65,10 @@ typedef enum {
     PALP_SEC_CELL_NODE = 10,    /* u32[nodes] nodes sorted by cell */
     PALP_SEC_SOFTENING = 11,    /* f32[nodes] added to each node's own normal compliance, m/N */
     PALP_SEC_LEVEL_AREA = 12,   /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
+    /* The surface as contact meets it (core/surface); all or none. */
+    PALP_SEC_ACROSS = 13,       /* u32[triangles][3] triangle across the edge facing each corner */
+    PALP_SEC_MODE_VALUE = 14,   /* f32[modes] eigenvalues of H, largest magnitude first, m/N */
+    PALP_SEC_MODE = 15,         /* i16[nodes][3][modes] eigenvectors over PALP_MODE_UNIT */
     PALP_SEC_NODE = 16,         /* + domain: u32[slots] node of each slot, coarse to fine */
     PALP_SEC_LEVEL_START = 20,  /* + domain: u32[levels + 1] first slot of each level */
     PALP_SEC_PARENT = 24,       /* + domain: u32[slots][2] */
@@ -215,7 +223,8 @@ typedef struct {
     uint8_t mesh_sha256[32];
     uint32_t constraint_level; /* finest level whose Green's functions are stored */
     uint32_t detail_vertices, detail_triangles; /* of the display surface; 0: none */
-    uint8_t reserved[8];
+    uint32_t modes; /* of the regular part H, a multiple of PALP_MODE_LANES; 0: not to be touched */
+    uint8_t reserved[4];
 } palp_meta;
 
 _Static_assert(sizeof(palp_blob_header) == 64, "header layout");

@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: MIT */
+/* Eigenpairs of small dense symmetric matrices in double precision. */
+#ifndef PALP_TOOLS_EIGEN_H
+#define PALP_TOOLS_EIGEN_H
+
+#include <stddef.h>
+
+/*
+ * Cyclic Jacobi rotations on a (n x n, row-major), which ends up diagonal with the eigenvalues in
+ * no order; v (n x n) holds the eigenvectors in its columns. Cost: about 10 sweeps of 6 n^3.
+ */
+void symmetric_eigen(double *a, double *v, size_t n);
+
+#endif
