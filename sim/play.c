@@ -175,8 +175,8 @@ static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
 
 /* The deformed surface in the world, and how far each node is displaced. */
 static void take_picture(player *p) {
-    const palp_contact *c = palp_ladder_contact(&p->b->ladder);
-    palp_contact_load(c, p->a);
+    const palp_node_contact *c = palp_ladder_contact(&p->b->ladder);
+    palp_node_contact_load(c, p->a);
     const float *total = palp_assembly_total(p->a);
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {
         const palp_blob *b = &p->z->blob[i];
@@ -241,7 +241,7 @@ static void run(player *p) {
         play_tick *k = &p->tick[i];
         float value[PALP_MAX_JOINTS];
         palp_vec3 at[PALP_MAX_TOOLS];
-        palp_coupling_result result[PALP_MAX_TOOLS];
+        palp_node_coupling_result result[PALP_MAX_TOOLS];
         k->t_s = (double)i / p->s.rate_hz;
         for (uint32_t j = 0; j < p->z->meta->joints; j++) {
             double x[3];

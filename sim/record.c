@@ -209,7 +209,7 @@ static bool parse_header_line(session_record *s, const char *line) {
         return true;
     }
     if (sscanf(line, "limits %u %u %u %u %u", &u[0], &u[1], &u[2], &u[3], &u[4]) == 5) {
-        c->limits = (palp_contact_limits){u[0], u[1], u[2], u[3], u[4] == 1};
+        c->limits = (palp_node_contact_limits){u[0], u[1], u[2], u[3], u[4] == 1};
         return true;
     }
     if (floats(line, "cost", three, 3)) {

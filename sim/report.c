@@ -107,9 +107,9 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
         if (r->tick[i].active > most_active) most_active = r->tick[i].active;
         touching += r->tick[i].active > 0 ? 1 : 0;
         aborted += r->tick[i].aborted;
-        spent += (r->tick[i].contact_flags & PALP_CONTACT_PIVOTS_SPENT) != 0 ? 1 : 0;
+        spent += (r->tick[i].contact_flags & PALP_NODE_CONTACT_PIVOTS_SPENT) != 0 ? 1 : 0;
         full += (r->tick[i].contact_flags &
-                 (PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL)) != 0
+                 (PALP_NODE_CONTACT_ACTIVE_FULL | PALP_NODE_CONTACT_CANDIDATES_FULL)) != 0
                     ? 1
                     : 0;
     }

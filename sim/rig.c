@@ -14,7 +14,7 @@ palp_servo_config rig_config(rig *r, const palp_blob *blob) {
     touch_frame t = place_body(blob, &r->file.device, UINT32_MAX);
     return (palp_servo_config){.device = r->file.device,
                                .placement = t.placement,
-                               .limits = PALP_CONTACT_DEFAULTS,
+                               .limits = PALP_NODE_CONTACT_DEFAULTS,
                                .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
                                .tool = palp_tool_sphere(t.tool_radius_m),
                                .port = {.now_ns = virtual_clock, .context = r}};

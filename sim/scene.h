@@ -4,7 +4,7 @@
 #ifndef PALP_SIM_SCENE_H
 #define PALP_SIM_SCENE_H
 
-#include "core/touch/tool.h"
+#include "core/contact/tool.h"
 #include "core/zone/posture.h"
 #include <stdbool.h>
 #include <stddef.h>

@@ -128,6 +128,7 @@ static void add_detail(section_list *l, const detail_data *d, uint32_t nodes) {
 static void add_regular(section_list *l, const regular_data *r, const mesh *m) {
     if (r == NULL) return;
     section_add(l, PALP_SEC_ACROSS, r->across, m->triangles, 12);
+    section_add(l, PALP_SEC_NODE_TRIANGLE, r->triangle, m->vertices, 4);
     section_add(l, PALP_SEC_MODE_VALUE, r->value, r->modes, 4);
     section_add(l, PALP_SEC_MODE, r->vector, 3 * (uint64_t)m->vertices * r->modes, 2);
 }

@@ -34,7 +34,7 @@ static double typical(double *sample, size_t count) {
 /* One press of the tool, sunk in step by step: ns per unit of the bound, of each admission and of
  * each solve. */
 typedef struct {
-    palp_contact contact;
+    palp_node_contact contact;
     palp_touch_cost instructions, bytes;
     palp_fresh *fresh;
     const palp_tool *tool;
@@ -58,16 +58,16 @@ static double share(double ns, double instructions, double bytes, double ns_per_
 
 static void press(bench *b, double ns_per_instruction) {
     float size = palp_tool_size(b->tool);
-    palp_contact *c = &b->contact;
-    palp_contact_clear(c, b->rung.level);
+    palp_node_contact *c = &b->contact;
+    palp_node_contact_clear(c, b->rung.level);
     for (int step = 0; step < STEPS; step++) {
         palp_vec3 center = palp_madd(b->x, size * (1.0f - 0.01f * (float)step), b->n);
-        uint32_t count = palp_contact_search(c, &center, b->fresh);
+        uint32_t count = palp_node_contact_search(c, &center, b->fresh);
         for (uint32_t i = 0; i < count; i++) {
             uint32_t k = c->count, n = c->active_count;
             chill(b);
             double start = clock_ns();
-            palp_contact_admit(c, b->fresh[i]);
+            palp_node_contact_admit(c, b->fresh[i]);
             double ns = clock_ns() - start;
             if (b->admits == b->most) continue;
             b->admit[b->admits++] =
@@ -77,7 +77,7 @@ static void press(bench *b, double ns_per_instruction) {
         palp_grip grip = {.held_m = center, .stiffness_N_per_m = 1000.0f};
         chill(b);
         double start = clock_ns();
-        (void)palp_contact_solve(c, center, grip);
+        (void)palp_node_contact_solve(c, center, grip);
         double ns = clock_ns() - start, instructions, bytes;
         float pivots = (float)c->pivots;
         instructions =
@@ -96,7 +96,7 @@ static double slowest(bench *b, int rounds, double ns_per_instruction) {
     return fmax(typical(b->admit, b->admits), typical(b->solve, b->solves));
 }
 
-void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+void calibrate(machine *m, const palp_blob *blob, palp_node_contact_limits limits, const palp_tool *tool,
                uint32_t node, bool cold) {
     const palp_target *target = machine_of_this_build();
     uint32_t level = blob->meta->constraint_level;
@@ -111,9 +111,9 @@ void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, co
                .most = ROUNDS * STEPS * (size_t)limits.max_candidates};
     b.admit = allocate(b.most, sizeof *b.admit);
     b.solve = allocate(b.most, sizeof *b.solve);
-    size_t bytes = palp_contact_memsize(blob, limits);
+    size_t bytes = palp_node_contact_memsize(blob, limits);
     void *memory = allocate_aligned(bytes, 1);
-    if (palp_contact_init(&b.contact, blob, blob->rest_m, tool, 1, limits, memory, bytes) !=
+    if (palp_node_contact_init(&b.contact, blob, blob->rest_m, tool, 1, limits, memory, bytes) !=
         PALP_OK)
         die(EXIT_WORK, "the contact limits are unsound");
     double warm = slowest(&b, ROUNDS, 0);
@@ -191,7 +191,7 @@ int command_calibrate(int argc, char **argv) {
     palp_tool tool = palp_tool_sphere(6 * blob.meta->mean_edge_m);
     uint32_t node = blob.domain[PALP_FREE].node[blob.domain[PALP_FREE].slots / 2u];
     output out = open_output(path);
-    calibrate(&m, &blob, PALP_CONTACT_DEFAULTS, &tool, node, true);
+    calibrate(&m, &blob, PALP_NODE_CONTACT_DEFAULTS, &tool, node, true);
     if (machine_of_this_build() == NULL)
         warn("no instruction counts are shipped for this machine: the table counts operations");
     machine_write(out.file, &m);

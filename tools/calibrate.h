@@ -13,7 +13,7 @@
  * kind.
  */
 #define CALIBRATE_SAFETY 2.0
-void calibrate(machine *m, const palp_blob *blob, palp_contact_limits limits, const palp_tool *tool,
+void calibrate(machine *m, const palp_blob *blob, palp_node_contact_limits limits, const palp_tool *tool,
                uint32_t node, bool cold);
 
 #endif

@@ -60,13 +60,13 @@ float hunt_bound(const palp_touch_cost *cost, const hunt_tick *tick) {
 
 static void one_tick(hunter *h, palp_vec3 at) {
     palp_bounded *b = &h->bounded;
-    const uint32_t pivots = PALP_COUPLING_PIVOTS * h->limits.max_pivots;
-    const palp_contact *k = palp_ladder_contact(&b->ladder);
+    const uint32_t pivots = PALP_NODE_COUPLING_PIVOTS * h->limits.max_pivots;
+    const palp_node_contact *k = palp_ladder_contact(&b->ladder);
     hunt_tick t = {.rung = b->ladder.at[b->ladder.rung],
                    .count_before = k->count,
                    .active_before = k->active_count,
-                   .due = k->changes + pivots >= PALP_CONTACT_REFACTOR};
-    palp_coupling_result result;
+                   .due = k->changes + pivots >= PALP_NODE_CONTACT_REFACTOR};
+    palp_node_coupling_result result;
     palp_bounded_report r;
     if (h->chill != NULL) h->chill();
     uint64_t before = h->port.now_ns(h->port.context);

@@ -47,7 +47,7 @@ float hunt_bound(const palp_touch_cost *cost, const hunt_tick *tick);
 
 typedef struct {
     const palp_blob *blob;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     palp_port port; /* its clock prices ticks; it gives no tick too little time */
     void *memory;   /* palp_bounded_memsize */
     size_t bytes;

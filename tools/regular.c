@@ -273,7 +273,11 @@ static void store(regular_data *r, const regular_body *b, const double *u, size_
 regular_data regular_build(const regular_body *body, double *x, uint32_t modes) {
     const palp_domain *d = &body->h->domain;
     const size_t n = 3 * (size_t)d->level_start[body->level + 1];
-    regular_data r = {.across = regular_across(body->m)};
+    regular_data r = {.across = regular_across(body->m),
+                      .triangle = allocate(body->m->vertices, sizeof *r.triangle)};
+    for (uint32_t t = 0; t < body->m->triangles; t++) {
+        for (int k = 0; k < 3; k++) r.triangle[body->m->t[t][k]] = t;
+    }
     size_t count = modes + SPARE_MODES < n ? modes + SPARE_MODES : n;
     size_t rounded = (n + PALP_MODE_LANES - 1) / PALP_MODE_LANES * PALP_MODE_LANES;
     r.modes = modes < rounded ? modes : (uint32_t)rounded;
@@ -317,6 +321,7 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
 
 void regular_free(regular_data *r) {
     free(r->across);
+    free(r->triangle);
     free(r->value);
     free(r->vector);
 }

@@ -17,7 +17,8 @@
 
 typedef struct {
     uint32_t modes;
-    uint32_t *across;  /* [triangles][3] */
+    uint32_t *across;   /* [triangles][3] */
+    uint32_t *triangle; /* [nodes] */
     float *value;      /* [modes] */
     int16_t *vector;   /* [nodes][3][modes] */
     double left_over;  /* |H - U S U^T|_F / |G|_F, by nodal areas */

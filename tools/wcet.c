@@ -124,7 +124,7 @@ static float leave(const palp_touch_cost *c, palp_rung r) {
 }
 /* Giving the next finer rung up for this one, and the least answer here. */
 static float retreat(const palp_touch_cost *c, palp_rung r) {
-    const palp_contact_limits l = c->limits;
+    const palp_node_contact_limits l = c->limits;
     return palp_cost_change(c, r, l.max_candidates, l.max_active) +
            palp_cost_answer(c, l.max_candidates, l.max_active, PALP_LEAST_PIVOTS);
 }
@@ -137,9 +137,9 @@ static void bound(body *b, const char *step, const char *counts, body_bound of) 
 /* The steps that are the same on every level, then those of each rung, from coarse to fine. */
 static void tabulate(body *b, palp_ladder *ladder) {
     char all[64], one[64];
-    const palp_contact_limits given = b->instructions.limits;
+    const palp_node_contact_limits given = b->instructions.limits;
     for (uint32_t r = 0; r < ladder->rungs; r++) {
-        palp_contact_limits l = given;
+        palp_node_contact_limits l = given;
         b->rung = ladder->at[r];
         uint32_t nodes = (uint32_t)b->instructions.nodes[b->rung.level];
         if (nodes < l.max_candidates) l.max_candidates = nodes;
@@ -166,7 +166,7 @@ static void tabulate(body *b, palp_ladder *ladder) {
 }
 
 /* Levels whose compliances contact can use. */
-static palp_ladder rungs_of(const palp_blob *blob, palp_contact_limits limits,
+static palp_ladder rungs_of(const palp_blob *blob, palp_node_contact_limits limits,
                             const palp_tool *tool) {
     palp_ladder l;
     size_t bytes = palp_ladder_memsize(blob, limits);
@@ -389,7 +389,7 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
 }
 
 int command_wcet(int argc, char **argv) {
-    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .limits = PALP_CONTACT_DEFAULTS};
+    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .limits = PALP_NODE_CONTACT_DEFAULTS};
     machine m;
     wcet_table t = {.rows = 0};
     args_parse(argc, argv, options, help, set_option, &s);

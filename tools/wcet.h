@@ -10,7 +10,7 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 typedef struct {
     const char *blob, *target, *keep, *replay;
     double rate_hz, margin, hunt_s;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     wcet_tool tool;
     bool json;
 } wcet_spec;

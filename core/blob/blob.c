@@ -252,6 +252,7 @@ static void read_regular(palp_reader *r, palp_blob *b) {
                                m->poisson > -1.0f && m->poisson <= 0.5f);
     if (r->status != PALP_OK) return;
     v->across = palp_reader_indices(r, PALP_SEC_ACROSS, m->triangles, 3, m->triangles);
+    v->triangle = palp_reader_indices(r, PALP_SEC_NODE_TRIANGLE, m->nodes, 1, m->triangles);
     v->value = palp_reader_floats(r, PALP_SEC_MODE_VALUE, m->modes, 1);
     v->vector =
         palp_reader_section(r, PALP_SEC_MODE, (uint64_t)m->nodes * 3u * m->modes, sizeof(int16_t));
@@ -259,6 +260,10 @@ static void read_regular(palp_reader *r, palp_blob *b) {
     for (uint32_t t = 0; t < m->triangles; t++) {
         for (uint32_t k = 0; k < 3u; k++)
             palp_reader_require(r, is_across(b, t, k, v->across[3u * (size_t)t + k]));
+    }
+    for (uint32_t i = 0; i < m->nodes; i++) {
+        const uint32_t *corner = b->triangle + 3u * (size_t)v->triangle[i];
+        palp_reader_require(r, corner[0] == i || corner[1] == i || corner[2] == i);
     }
     v->modes = m->modes;
 }

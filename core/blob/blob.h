@@ -86,6 +86,7 @@ typedef struct {
 typedef struct {
     uint32_t modes;         /* 0: none stored, the other pointers are NULL */
     const uint32_t *across; /* [triangles][3] across the edge that faces each corner */
+    const uint32_t *triangle; /* [nodes] one of the triangles of each node */
     const float *value;     /* [modes] m/N */
     const int16_t *vector;  /* [nodes][3][modes] */
 } palp_regular;

@@ -9,20 +9,20 @@
 #define HELD 8u          /* waits that a climb must have held, or the next one waits longer */
 #define CLIMB_SHARE 0.7f /* of capacity and period that the finer rung may take */
 
-size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits) {
+size_t palp_bounded_memsize(const palp_blob *blob, palp_node_contact_limits limits) {
     palp_arena arena = {0};
-    if (!palp_contact_limits_sound(limits)) return 0;
+    if (!palp_node_contact_limits_sound(limits)) return 0;
     (void)palp_take(&arena, limits.max_new, sizeof(palp_fresh));
     (void)palp_take(&arena, palp_ladder_memsize(blob, limits), 1);
     return arena.used;
 }
 
 size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_contact_limits limits) {
+                                  palp_node_contact_limits limits) {
     palp_arena arena = {0};
-    if (!palp_contact_limits_sound(limits)) return 0;
+    if (!palp_node_contact_limits_sound(limits)) return 0;
     (void)palp_take(&arena, limits.max_new, sizeof(palp_fresh));
-    (void)palp_take(&arena, palp_contact_memsize_zones(zones, finest, limits), 1);
+    (void)palp_take(&arena, palp_node_contact_memsize_zones(zones, finest, limits), 1);
     return arena.used;
 }
 
@@ -48,7 +48,7 @@ static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
     const palp_bounded_config *c = &b->config;
     if (c->assembly != NULL) {
         size_t room =
-            palp_contact_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
+            palp_node_contact_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
         return palp_ladder_init_zones(&b->ladder, c->assembly, c->pairs, c->tools, c->tool_count,
                                       c->limits, palp_take(arena, room, 1), room);
     }
@@ -61,7 +61,7 @@ palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *
                               void *memory, size_t bytes, float *bound_ns) {
     palp_arena arena = {.base = memory};
     palp_bounded *b = bounded;
-    if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
+    if (!palp_node_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     bool positive = config->dt_s > 0.0f && palp_cost_table_is_sound(&config->cost) &&
                     config->port.now_ns != NULL;
     if (!positive || config->tool_count < 1u || config->tool_count > PALP_MAX_TOOLS)
@@ -91,7 +91,7 @@ void palp_bounded_reset(palp_bounded *bounded) {
     bounded->finer = false;
     bounded->barred = PALP_NONE;
     palp_ladder_clear(&bounded->ladder);
-    palp_coupling_reset(&bounded->coupling);
+    palp_node_coupling_reset(&bounded->coupling);
     bounded->cut_short = 0;
     bounded->climb_wait = CLIMB_AFTER;
     bounded->since_climb = HELD * CLIMB_LATEST;
@@ -116,7 +116,7 @@ float palp_bounded_left_ns(const palp_bounded *bounded) {
 static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 
 /* Bound of the least answer by the contact as it stands, with `more` candidates. */
-static float answer_ns(const palp_bounded *b, const palp_contact *c, uint32_t more) {
+static float answer_ns(const palp_bounded *b, const palp_node_contact *c, uint32_t more) {
     uint32_t count = least(c->count + more, b->config.limits.max_candidates);
     uint32_t reachable = c->active_count + PALP_LEAST_PIVOTS;
     uint32_t active = least(least(reachable, count), b->config.limits.max_active);
@@ -168,12 +168,12 @@ static void drop(palp_bounded *b, palp_bounded_report *r) {
 }
 
 static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
-    const uint32_t full = PALP_CONTACT_ACTIVE_FULL | PALP_CONTACT_CANDIDATES_FULL;
+    const uint32_t full = PALP_NODE_CONTACT_ACTIVE_FULL | PALP_NODE_CONTACT_CANDIDATES_FULL;
     bool crowded = (palp_ladder_contact(&b->ladder)->flags & full) != 0u;
     if (crowded || b->cut_short >= PATIENCE) drop(b, r);
     /* at most rungs: each turn goes down one */
     while (b->ladder.rung > 0u) {
-        const palp_contact *c = palp_ladder_contact(&b->ladder);
+        const palp_node_contact *c = palp_ladder_contact(&b->ladder);
         float need =
             answer_ns(b, c, 0u) +
             palp_cost_search(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count) +
@@ -188,22 +188,22 @@ static void choose_rung(palp_bounded *b, palp_bounded_report *r) {
 
 /* Takes in candidates as far as time allows. */
 static void take_in(palp_bounded *b, const palp_vec3 *around, palp_bounded_report *r) {
-    palp_contact *c = palp_ladder_contact(&b->ladder);
-    uint32_t fresh = palp_contact_search(c, around, b->fresh);
+    palp_node_contact *c = palp_ladder_contact(&b->ladder);
+    uint32_t fresh = palp_node_contact_search(c, around, b->fresh);
     uint32_t i = 0;
     for (; i < fresh; i++) {
         float admit =
             palp_cost_admit(&b->bound, b->ladder.at[b->ladder.rung], c->count, c->active_count);
         if (admit + answer_ns(b, c, 1u) + b->retreat_ns > palp_bounded_left_ns(b)) break;
-        palp_contact_admit(c, b->fresh[i]);
+        palp_node_contact_admit(c, b->fresh[i]);
     }
     r->admitted = i;
     r->deferred = fresh - i;
 }
 
 /* Beginning a solve, with the factor made afresh if that is due. */
-static float begin_ns(const palp_bounded *b, const palp_contact *c) {
-    bool due = c->changes >= PALP_CONTACT_REFACTOR;
+static float begin_ns(const palp_bounded *b, const palp_node_contact *c) {
+    bool due = c->changes >= PALP_NODE_CONTACT_REFACTOR;
     return palp_cost_begin(&b->bound, c->count) +
            (due ? palp_cost_refactor(&b->bound, c->active_count) : 0.0f);
 }
@@ -211,11 +211,11 @@ static float begin_ns(const palp_bounded *b, const palp_contact *c) {
 /* Solves on the present rung, with time kept back for giving it up, or, with `all`, with whatever
  * time there is. False when it ran out before the least answer was there. */
 static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *settled) {
-    palp_contact *c = palp_ladder_contact(&b->ladder);
+    palp_node_contact *c = palp_ladder_contact(&b->ladder);
     uint32_t quanta = 0;
     bool more = true;
-    palp_coupling_begin(&b->coupling, c, device_m);
-    /* at most PALP_COUPLING_PIVOTS max_pivots */
+    palp_node_coupling_begin(&b->coupling, c, device_m);
+    /* at most PALP_NODE_COUPLING_PIVOTS max_pivots */
     while (more) {
         float quantum = palp_cost_pivot(&b->bound, c->count, c->active_count) +
                         palp_cost_couple(&b->bound, c->active_count + 1u) +
@@ -227,7 +227,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *se
             keep_back(b, b->coupling.pivots, 1);
         }
         if (quanta > 0u && quantum + b->retreat_ns > palp_bounded_left_ns(b)) break;
-        more = palp_coupling_step(&b->coupling, c);
+        more = palp_node_coupling_step(&b->coupling, c);
         quanta++;
     }
     *settled = !more;
@@ -235,7 +235,7 @@ static bool solve(palp_bounded *b, const palp_vec3 *device_m, bool all, bool *se
 }
 
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
-                       palp_coupling_result *result, palp_bounded_report *report) {
+                       palp_node_coupling_result *result, palp_bounded_report *report) {
     palp_bounded *b = bounded;
     palp_bounded_report r = {.aborted = 0};
     palp_vec3 around[PALP_MAX_TOOLS];
@@ -243,20 +243,20 @@ void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3
     b->start_ns = start_ns;
     if (b->since_climb < HELD * CLIMB_LATEST) b->since_climb++;
     if (b->config.assembly != NULL) {
-        palp_contact *c = palp_ladder_contact(&b->ladder);
+        palp_node_contact *c = palp_ladder_contact(&b->ladder);
         palp_moving_tick(b, answer_ns(b, c, 0u) + palp_cost_search(&b->bound, b->ladder.at[0],
                                                                    c->count, c->active_count));
     }
     choose_rung(b, &r);
-    palp_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
+    palp_node_coupling_centers(&b->coupling, palp_ladder_contact(&b->ladder), device_m, around);
     take_in(b, around, &r);
     if (!solve(b, device_m, false, &settled) && b->ladder.rung > 0u) {
         drop(b, &r); /* this answer is what was kept back; what it reaches is taken */
         (void)solve(b, device_m, true, &settled);
     }
     b->cut_short = settled ? 0u : b->cut_short + 1u;
-    palp_contact *c = palp_ladder_contact(&b->ladder);
-    palp_coupling_end(&b->coupling, c, b->config.dt_s, result);
+    palp_node_contact *c = palp_ladder_contact(&b->ladder);
+    palp_node_coupling_end(&b->coupling, c, b->config.dt_s, result);
     palp_ladder_relax(&b->ladder, b->config.dt_s);
     r.level = c->level;
     r.outer = c->outer;
@@ -319,12 +319,12 @@ void palp_bounded_spare(palp_bounded *bounded) {
     palp_rung finer = l->at[l->rung + 1u];
     tools_of(b, tool_m);
     uint32_t missing = palp_ladder_prepare(l, tool_m, b->fresh);
-    palp_contact *next = palp_ladder_other(l);
+    palp_node_contact *next = palp_ladder_other(l);
     for (uint32_t i = 0; i < missing; i++) {
         if (palp_cost_admit(&b->bound, finer, next->count, next->active_count) >
             palp_bounded_left_ns(b))
             return;
-        palp_contact_admit(next, b->fresh[i]);
+        palp_node_contact_admit(next, b->fresh[i]);
     }
     uint32_t now = palp_ladder_contact(l)->active_count;
     float change = palp_cost_climb(&b->bound, finer, next->count, now);

@@ -23,7 +23,7 @@ typedef struct {
     bool pairs;              /* its zones touch each other */
     const palp_tool *tools;  /* kept by reference */
     uint32_t tool_count;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     palp_cost_table cost;
     palp_port port;
     float dt_s;
@@ -50,7 +50,7 @@ typedef struct {
     bool finer;                                      /* a finer factor is under way in spare time */
     uint32_t barred; /* level that spare time gave up until the posture changes */
     palp_ladder ladder;
-    palp_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
+    palp_node_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
     palp_fresh *fresh;         /* [max_new] */
     uint64_t start_ns;         /* of the tick under way */
     float retreat_ns, tail_ns; /* kept back: for a coarser answer, for the end of a tick */
@@ -68,9 +68,9 @@ typedef struct {
     bool shortened; /* did less than the limits allow because time ran out */
 } palp_bounded_report;
 
-size_t palp_bounded_memsize(const palp_blob *blob, palp_contact_limits limits);
+size_t palp_bounded_memsize(const palp_blob *blob, palp_node_contact_limits limits);
 size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_contact_limits limits);
+                                  palp_node_contact_limits limits);
 
 /*
  * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer of the coarsest
@@ -103,7 +103,7 @@ float palp_bounded_left_ns(const palp_bounded *bounded);
 
 /* A tick that began at start_ns on the port's clock, devices at device_m[tool_count]. */
 void palp_bounded_tick(palp_bounded *bounded, uint64_t start_ns, const palp_vec3 *device_m,
-                       palp_coupling_result *result, palp_bounded_report *report);
+                       palp_node_coupling_result *result, palp_bounded_report *report);
 
 /* Time left over in the same period. */
 void palp_bounded_spare(palp_bounded *bounded);

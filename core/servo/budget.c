@@ -32,7 +32,7 @@ static float pivot_among(const palp_touch_cost *c, uint32_t count, uint32_t acti
 
 float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t active,
                        uint32_t pivots) {
-    const float solves = (float)PALP_COUPLING_SOLVES;
+    const float solves = (float)PALP_NODE_COUPLING_SOLVES;
     bool full = active >= cost->limits.max_active;
     return solves * (palp_cost_begin(cost, count) + palp_cost_couple(cost, active) +
                      (full ? palp_cost_relieve(cost, count, active) : 0.0f)) +
@@ -44,7 +44,7 @@ float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t act
  * in, or refused. Longest path by dynamic programming, from the last step to the first. */
 static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
     float rest[PALP_MAX_CANDIDATES + 1u] = {0.0f}, most = 0.0f;
-    const palp_contact_limits l = c->limits;
+    const palp_node_contact_limits l = c->limits;
     for (uint32_t p = 0; p < pivots; p++) {
         float below = 0.0f; /* rest[n - 1] of the steps after this one */
         most = 0.0f;
@@ -65,14 +65,14 @@ static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
 
 /* All solves of a tick at the limits; each may end for want of room. */
 static float full_answer(const palp_touch_cost *c) {
-    const palp_contact_limits l = c->limits;
-    uint32_t pivots = PALP_COUPLING_PIVOTS * l.max_pivots;
-    uint32_t ends = PALP_COUPLING_SOLVES < pivots ? PALP_COUPLING_SOLVES : pivots;
+    const palp_node_contact_limits l = c->limits;
+    uint32_t pivots = PALP_NODE_COUPLING_PIVOTS * l.max_pivots;
+    uint32_t ends = PALP_NODE_COUPLING_SOLVES < pivots ? PALP_NODE_COUPLING_SOLVES : pivots;
     float end = palp_max(palp_cost_pivot(c, l.max_candidates, l.max_active),
                          pivot_among(c, l.max_candidates, l.max_active));
-    return (float)PALP_COUPLING_SOLVES *
+    return (float)PALP_NODE_COUPLING_SOLVES *
                (palp_cost_begin(c, l.max_candidates) + palp_cost_couple(c, l.max_active)) +
-           (1.0f + (float)(pivots / PALP_CONTACT_REFACTOR)) * palp_cost_refactor(c, l.max_active) +
+           (1.0f + (float)(pivots / PALP_NODE_CONTACT_REFACTOR)) * palp_cost_refactor(c, l.max_active) +
            dearest_pivots(c, pivots - ends) + (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
 }
 
@@ -84,7 +84,7 @@ static uint32_t no_more(uint32_t limit, float nodes) {
 
 float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
     palp_touch_cost c = *cost;
-    palp_contact_limits *l = &c.limits;
+    palp_node_contact_limits *l = &c.limits;
     float nodes = c.nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
     l->max_candidates = no_more(l->max_candidates, nodes);
     l->max_active = no_more(l->max_active, nodes);
@@ -98,7 +98,7 @@ float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
 }
 
 float palp_cost_least(const palp_touch_cost *cost) {
-    const palp_contact_limits l = cost->limits;
+    const palp_node_contact_limits l = cost->limits;
     uint32_t level = 0;
     /* at most PALP_MAX_LEVELS */
     while (level + 1u < PALP_MAX_LEVELS && cost->nodes[level + 1u] > 0.0f &&
@@ -108,5 +108,5 @@ float palp_cost_least(const palp_touch_cost *cost) {
     uint32_t active = no_more(l.max_active, cost->nodes[level]);
     return servo(cost) + palp_cost_tail(cost, active) +
            palp_cost_search(cost, (palp_rung){level, level}, count, active) +
-           palp_cost_answer(cost, count, active, PALP_COUPLING_SOLVES);
+           palp_cost_answer(cost, count, active, PALP_NODE_COUPLING_SOLVES);
 }

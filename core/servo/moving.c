@@ -96,11 +96,11 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
 void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
     palp_bounded *b = bounded;
     palp_assembly *a = b->config.assembly;
-    palp_contact *c = palp_ladder_contact(&b->ladder);
+    palp_node_contact *c = palp_ladder_contact(&b->ladder);
     float drift = palp_assembly_drift(a);
     bool near = c->count > 0u;
     palp_assembly_relax(a, palp_min(b->config.dt_s / FADE_S, 1.0f));
-    palp_contact_load(c, a);
+    palp_node_contact_load(c, a);
     b->moving = (palp_moving_report){.drift = drift};
     bool approximate = a->level == PALP_DIAGONAL;
     float settle_ns = cost_after(b, a->level, c->count);
@@ -122,7 +122,7 @@ void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
         renew(b, a->seams.finest, c->count, rest_ns);
         b->moving.renewed = true;
     }
-    palp_contact_follow(c);
+    palp_node_contact_follow(c);
     note_level(b);
 }
 

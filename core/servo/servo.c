@@ -23,17 +23,17 @@ struct palp_servo {
     bool moved; /* last_tip_m belongs to a force that was sent */
 };
 
-static palp_servo *lay_out(const palp_blob *b, palp_contact_limits l, palp_arena *arena,
+static palp_servo *lay_out(const palp_blob *b, palp_node_contact_limits l, palp_arena *arena,
                            void **bounded_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
     *bounded_memory = palp_take(arena, palp_bounded_memsize(b, l), 1);
     return s;
 }
 
-size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits) {
+size_t palp_servo_memsize(const palp_blob *blob, palp_node_contact_limits limits) {
     palp_arena arena = {0};
     void *bounded_memory;
-    if (!palp_contact_limits_sound(limits)) return 0;
+    if (!palp_node_contact_limits_sound(limits)) return 0;
     (void)lay_out(blob, limits, &arena, &bounded_memory);
     return arena.used;
 }
@@ -50,7 +50,7 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             float *bound_ns) {
     palp_arena arena = {.base = memory};
     void *bounded_memory;
-    if (!palp_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
+    if (!palp_node_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_servo_memsize(blob, config->limits)) return PALP_ERR_MEMORY;
@@ -94,10 +94,10 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
 const palp_counters *palp_servo_counters(const palp_servo *servo) { return &servo->counters; }
 
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
-    const palp_contact *c = &servo->bounded.ladder.contact[servo->bounded.ladder.now];
-    const palp_friction *f = &servo->bounded.coupling.spring[0].friction;
+    const palp_node_contact *c = &servo->bounded.ladder.contact[servo->bounded.ladder.now];
+    const palp_node_friction *f = &servo->bounded.coupling.spring[0].friction;
     palp_vec3 resultant;
-    float total = palp_contact_normal_force(c, 0, &resultant);
+    float total = palp_node_contact_normal_force(c, 0, &resultant);
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_candidate *k = &c->candidate[c->active[a]];
         palp_vec3 force = palp_scale(-k->force_N, k->n);
@@ -144,7 +144,7 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     const palp_placement *p = &s->config.placement;
     palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
-    palp_coupling_result result;
+    palp_node_coupling_result result;
     palp_bounded_report b;
     palp_bounded_tick(&s->bounded, s->start_ns, &device, &result, &b);
     s->counters.dropped = s->bounded.ladder.dropped;

@@ -25,7 +25,7 @@ typedef struct {
 typedef struct {
     palp_device device; /* its drives.rate_hz is the rate of the ticks */
     palp_placement placement;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     palp_cost_table cost;
     palp_port port;
     palp_tool tool; /* in the model */
@@ -69,7 +69,7 @@ typedef struct palp_servo palp_servo;
 #define PALP_SERVO_STACK 4096u
 
 /* Memory for a servo on this blob; 0 if the limits are unsound. */
-size_t palp_servo_memsize(const palp_blob *blob, palp_contact_limits limits);
+size_t palp_servo_memsize(const palp_blob *blob, palp_node_contact_limits limits);
 
 /*
  * Opens a servo in `memory` (64-byte aligned, owned by the caller). Errors: LIMITS, ARGUMENT,

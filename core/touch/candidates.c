@@ -9,8 +9,8 @@
 #define MAX_NEIGHBOURS 64u /* of a basis function on a coarse level */
 #define BORDER 0.15f       /* idle candidates may be this far on the wrong side of the zone */
 
-static uint32_t level_in(const palp_contact *c, uint32_t body) {
-    return c->assembly != NULL ? palp_contact_blob(c, body)->meta->constraint_level : c->level;
+static uint32_t level_in(const palp_node_contact *c, uint32_t body) {
+    return c->assembly != NULL ? palp_node_contact_blob(c, body)->meta->constraint_level : c->level;
 }
 
 /* Longest row that a candidate may need, 0 if all compliances are in tables. */
@@ -18,10 +18,10 @@ static uint32_t longest_row(const palp_blob *b) {
     return b->level[b->meta->constraint_level].table != NULL ? 0u : b->meta->max_row;
 }
 
-void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t longest,
+void palp_node_contact_lay_out(palp_node_contact *contact, palp_arena *arena, uint32_t longest,
                           uint32_t most_slots) {
-    palp_contact *c = contact;
-    const palp_contact_limits l = c->limits;
+    palp_node_contact *c = contact;
+    const palp_node_contact_limits l = c->limits;
     uint32_t slots = c->first_slot[c->bodies];
     size_t pairs = (size_t)l.max_candidates * l.max_candidates;
     uint32_t spots = c->seam_width > 0u ? 2u : 1u;
@@ -49,23 +49,23 @@ void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t lon
     }
 }
 
-bool palp_contact_limits_sound(palp_contact_limits l) {
+bool palp_node_contact_limits_sound(palp_node_contact_limits l) {
     return l.max_candidates >= 1u && l.max_candidates <= PALP_MAX_CANDIDATES &&
            l.max_active >= 1u && l.max_active <= l.max_candidates && l.max_new >= 1u &&
            l.max_new <= l.max_candidates && l.max_pivots >= 1u;
 }
 
-size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits) {
+size_t palp_node_contact_memsize(const palp_blob *blob, palp_node_contact_limits limits) {
     uint32_t slots = blob->domain[PALP_FREE].slots;
-    palp_contact c = {.blob = blob, .limits = limits, .bodies = 1, .first_slot = {0, slots}};
+    palp_node_contact c = {.blob = blob, .limits = limits, .bodies = 1, .first_slot = {0, slots}};
     palp_arena arena = {0};
-    palp_contact_lay_out(&c, &arena, longest_row(blob), slots);
+    palp_node_contact_lay_out(&c, &arena, longest_row(blob), slots);
     return arena.used;
 }
 
-palp_status palp_contact_begin_use(palp_contact *contact, const palp_tool *tools,
+palp_status palp_node_contact_begin_use(palp_node_contact *contact, const palp_tool *tools,
                                    uint32_t tool_count) {
-    palp_contact *c = contact;
+    palp_node_contact *c = contact;
     if (tool_count < 1u || tool_count > PALP_MAX_TOOLS) return PALP_ERR_ARGUMENT;
     for (uint32_t t = 0; t < tool_count; t++) {
         if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
@@ -79,36 +79,36 @@ palp_status palp_contact_begin_use(palp_contact *contact, const palp_tool *tools
     return PALP_OK;
 }
 
-void palp_contact_clean(palp_contact *contact, uint32_t most_slots) {
-    palp_contact *c = contact;
+void palp_node_contact_clean(palp_node_contact *contact, uint32_t most_slots) {
+    palp_node_contact *c = contact;
     for (uint32_t i = 0; i < c->first_slot[c->bodies]; i++) c->place[i] = 0;
     for (uint32_t i = 0; i < most_slots; i++) c->scratch.weight[i] = 0.0f;
     for (uint32_t i = 0; i < (most_slots + 31u) / 32u; i++) c->scratch.mark[i] = 0u;
 }
 
-palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
+palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob, const float *position_m,
                               const palp_tool *tools, uint32_t tool_count,
-                              palp_contact_limits limits, void *memory, size_t bytes) {
+                              palp_node_contact_limits limits, void *memory, size_t bytes) {
     palp_arena arena = {.base = memory};
-    palp_contact *c = contact;
+    palp_node_contact *c = contact;
     uint32_t slots = blob->domain[PALP_FREE].slots;
-    if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
+    if (!palp_node_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
-    *c = (palp_contact){.blob = blob,
+    *c = (palp_node_contact){.blob = blob,
                         .position_m = position_m,
                         .limits = limits,
                         .bodies = 1,
                         .first_slot = {0, slots}};
-    palp_status status = palp_contact_begin_use(c, tools, tool_count);
+    palp_status status = palp_node_contact_begin_use(c, tools, tool_count);
     if (status != PALP_OK) return status;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
-    palp_contact_lay_out(c, &arena, longest_row(blob), slots);
-    palp_contact_clean(c, slots);
+    if (bytes < palp_node_contact_memsize(blob, limits)) return PALP_ERR_MEMORY;
+    palp_node_contact_lay_out(c, &arena, longest_row(blob), slots);
+    palp_node_contact_clean(c, slots);
     return PALP_OK;
 }
 
-void palp_contact_clear(palp_contact *contact, uint32_t level) {
+void palp_node_contact_clear(palp_node_contact *contact, uint32_t level) {
     for (uint32_t i = 0; i < contact->count; i++) {
         const palp_candidate *k = &contact->candidate[i];
         contact->place[contact->first_slot[k->body] + k->slot] = 0;
@@ -119,34 +119,34 @@ void palp_contact_clear(palp_contact *contact, uint32_t level) {
     contact->outer = contact->level;
 }
 
-void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t outer, float zone) {
-    palp_contact_clear(contact, level);
+void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer, float zone) {
+    palp_node_contact_clear(contact, level);
     contact->outer = outer;
     contact->zone = zone;
 }
 
 /* What one evaluation of a tool counts as. */
-static uint32_t evaluation(const palp_contact *c, uint32_t tool) {
+static uint32_t evaluation(const palp_node_contact *c, uint32_t tool) {
     if (tool == PALP_ZONE_TOOL) return 60u + c->place_work;
     return c->place_work + (c->tools[tool].balls > 0u ? 60u * c->tools[tool].balls : 160u);
 }
 
-static bool is_mixed(const palp_contact *c) { return c->outer != c->level; }
+static bool is_mixed(const palp_node_contact *c) { return c->outer != c->level; }
 
 /* The level on which a slot that the tool sees like this would be taken. */
-static uint32_t level_at(const palp_contact *c, uint32_t slot, float reach) {
+static uint32_t level_at(const palp_node_contact *c, uint32_t slot, float reach) {
     if (!is_mixed(c) || reach <= c->zone) return c->level;
     return slot < c->blob->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
 }
 
-uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint32_t tool) {
-    const palp_contact *c = contact;
+uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot, uint32_t tool) {
+    const palp_node_contact *c = contact;
     const palp_blob *b = c->blob;
     if (slot >= b->level[c->level].nodes) return PALP_MAX_LEVELS;
     if (!is_mixed(c)) return c->level;
     uint32_t node = b->domain[PALP_FREE].node[slot];
-    palp_touch at = palp_tool_at(&c->tools[tool], c->about[tool], palp_contact_place(c, 0, node),
-                                 palp_contact_normal(c, 0, node));
+    palp_touch at = palp_tool_at(&c->tools[tool], c->about[tool], palp_node_contact_place(c, 0, node),
+                                 palp_node_contact_normal(c, 0, node));
     return level_at(c, slot, at.reach);
 }
 
@@ -165,9 +165,9 @@ static uint32_t cell_of(const palp_meta *m, uint32_t axis, float x) {
 }
 
 /* Nearest node among the 27 cells around p, then downhill along the surface. */
-uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_vec3 rest_m,
+uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body, palp_vec3 rest_m,
                               uint32_t nearest) {
-    const palp_blob *blob = palp_contact_blob(contact, body);
+    const palp_blob *blob = palp_node_contact_blob(contact, body);
     const float *place = contact->assembly != NULL ? blob->rest_m : contact->position_m;
     const palp_meta *m = blob->meta;
     const palp_vec3 p = rest_m;
@@ -191,7 +191,7 @@ uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_v
             }
         }
     }
-    for (uint32_t step = 0; step < PALP_CONTACT_DESCENT; step++) {
+    for (uint32_t step = 0; step < PALP_NODE_CONTACT_DESCENT; step++) {
         uint32_t from = nearest;
         for (uint32_t i = blob->ring_offset[from]; i < blob->ring_offset[from + 1u]; i++) {
             float d = distance2(place, blob->ring[i], p);
@@ -206,8 +206,8 @@ uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_v
 
 /* The slot on the contact's level above `slot`: parents until one is coarse enough; the number of
  * slots if there is none. */
-static uint32_t ancestor(const palp_contact *c, uint32_t body, uint32_t slot) {
-    const palp_blob *b = palp_contact_blob(c, body);
+static uint32_t ancestor(const palp_node_contact *c, uint32_t body, uint32_t slot) {
+    const palp_blob *b = palp_node_contact_blob(c, body);
     const palp_domain *d = &b->domain[PALP_FREE];
     uint32_t nodes = b->level[level_in(c, body)].nodes;
     for (uint32_t l = 0; l < PALP_MAX_LEVELS && slot >= nodes; l++) {
@@ -226,8 +226,8 @@ typedef struct {
 } proposals;
 
 /* Keeps the `max_new` deepest proposals, deepest first. */
-static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth) {
-    if (p->found == c->limits.max_new) c->flags |= PALP_CONTACT_DEFERRED;
+static void insert(palp_node_contact *c, proposals *p, palp_fresh fresh, float depth) {
+    if (p->found == c->limits.max_new) c->flags |= PALP_NODE_CONTACT_DEFERRED;
     uint32_t at = p->found;
     /* at most max_new */
     while (at > 0u && p->depth[at - 1u] < depth) at--;
@@ -243,27 +243,27 @@ static void insert(palp_contact *c, proposals *p, palp_fresh fresh, float depth)
 }
 
 /* An idle candidate of another zone makes way for a tool. */
-static bool gives_way(const palp_contact *c, uint32_t candidate) {
+static bool gives_way(const palp_node_contact *c, uint32_t candidate) {
     return c->candidate[candidate].tool == PALP_ZONE_TOOL && !c->candidate[candidate].active;
 }
 
 /* Whether the slot is a candidate that stays one. */
-static bool is_taken(const palp_contact *c, palp_fresh fresh) {
+static bool is_taken(const palp_node_contact *c, palp_fresh fresh) {
     uint16_t taken = c->place[c->first_slot[fresh.body] + fresh.slot];
     return taken != 0u && !gives_way(c, taken - 1u);
 }
 
-static palp_touch look_at(palp_contact *c, proposals *p, palp_fresh fresh) {
+static palp_touch look_at(palp_node_contact *c, proposals *p, palp_fresh fresh) {
     p->looks--;
-    uint32_t node = palp_contact_blob(c, fresh.body)->domain[PALP_FREE].node[fresh.slot];
+    uint32_t node = palp_node_contact_blob(c, fresh.body)->domain[PALP_FREE].node[fresh.slot];
     c->work_done += evaluation(c, fresh.tool);
     return palp_tool_at(&c->tools[fresh.tool], p->center[fresh.tool],
-                        palp_contact_place(c, fresh.body, node),
-                        palp_contact_normal(c, fresh.body, node));
+                        palp_node_contact_place(c, fresh.body, node),
+                        palp_node_contact_normal(c, fresh.body, node));
 }
 
 /* Lists what a tool sees like this, if it is near enough and not listed yet. */
-static void consider(palp_contact *c, proposals *p, palp_fresh fresh, palp_touch at) {
+static void consider(palp_node_contact *c, proposals *p, palp_fresh fresh, palp_touch at) {
     if (at.facing < FACING || at.reach > 1.0f) return;
     if (at.depth_m < -MARGIN * c->size_m[fresh.tool]) return;
     for (uint32_t i = 0; i < p->found; i++) {
@@ -273,13 +273,13 @@ static void consider(palp_contact *c, proposals *p, palp_fresh fresh, palp_touch
 }
 
 /* Whether there are looks left for a slot: at it and, of a mixed set, at the two hats above. */
-static bool may_look(const palp_contact *c, const proposals *p) {
+static bool may_look(const palp_node_contact *c, const proposals *p) {
     return p->looks >= (is_mixed(c) ? 3u : 1u);
 }
 
 /* A slot, or the hats above it where the set is coarse. */
-static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
-    const palp_blob *b = palp_contact_blob(c, fresh.body);
+static void propose(palp_node_contact *c, proposals *p, palp_fresh fresh) {
+    const palp_blob *b = palp_node_contact_blob(c, fresh.body);
     const palp_domain *d = &b->domain[PALP_FREE];
     if (c->assembly != NULL) fresh.slot = ancestor(c, fresh.body, fresh.slot);
     if (fresh.slot >= b->level[level_in(c, fresh.body)].nodes || is_taken(c, fresh)) return;
@@ -298,8 +298,8 @@ static void propose(palp_contact *c, proposals *p, palp_fresh fresh) {
     }
 }
 
-static void propose_neighbours(palp_contact *c, proposals *p, const palp_candidate *k) {
-    const palp_blob *b = palp_contact_blob(c, k->body);
+static void propose_neighbours(palp_node_contact *c, proposals *p, const palp_candidate *k) {
+    const palp_blob *b = palp_node_contact_blob(c, k->body);
     if (k->tool == PALP_ZONE_TOOL) return; /* follow.c */
     if (k->level + 1u < b->meta->levels) {
         uint32_t near[MAX_NEIGHBOURS];
@@ -316,7 +316,7 @@ static void propose_neighbours(palp_contact *c, proposals *p, const palp_candida
 }
 
 /* The last candidate takes the place of candidate i, which carries no force. */
-static void drop(palp_contact *c, uint32_t i) {
+static void drop(palp_node_contact *c, uint32_t i) {
     uint32_t last = --c->count;
     size_t stride = c->limits.max_candidates;
     const palp_candidate *gone = &c->candidate[i];
@@ -360,28 +360,28 @@ static void drop(palp_contact *c, uint32_t i) {
  * Backing out shrinks the relief of idle candidates: what the tool of the last solve, where its
  * grip let it rest, still asked of them, with the forces of that solve.
  */
-static void shrink_relief(palp_contact *c) {
+static void shrink_relief(palp_node_contact *c) {
     palp_vec3 moved[PALP_MAX_TOOLS + 1u] = {{0}};
     for (uint32_t t = 0; t < c->tool_count; t++) {
         if (c->grip[t].stiffness_N_per_m > 0.0f)
-            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_contact_force(c, t));
+            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
     }
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         if (!(k->relief_m > 0.0f) || k->active) continue;
         float missing =
-            k->target_m - palp_dot(k->at.push, moved[k->tool]) - palp_contact_indentation(c, i);
+            k->target_m - palp_dot(k->at.push, moved[k->tool]) - palp_node_contact_indentation(c, i);
         c->work_done += c->active_count;
         if (missing < 0.0f) k->relief_m = palp_max(k->relief_m + missing, 0.0f);
     }
 }
 
 /* Those out of reach, at most as many as a tick may take in. */
-static void drop_idle(palp_contact *c, const palp_vec3 *center) {
+static void drop_idle(palp_node_contact *c, const palp_vec3 *center) {
     uint32_t left = c->limits.max_new;
     for (uint32_t i = c->count; i-- > 0u;) {
         palp_candidate *k = &c->candidate[i];
-        k->at = palp_contact_see(c, k, center);
+        k->at = palp_node_contact_see(c, k, center);
         c->work_done += evaluation(c, k->tool);
         float slack = BORDER * palp_max(palp_abs(c->zone), BORDER);
         float border = k->level == c->level ? c->zone + slack : c->zone - slack;
@@ -394,7 +394,7 @@ static void drop_idle(palp_contact *c, const palp_vec3 *center) {
     }
 }
 
-static bool touches(const palp_contact *c, uint32_t tool) {
+static bool touches(const palp_node_contact *c, uint32_t tool) {
     for (uint32_t a = 0; a < c->active_count; a++) {
         if (c->candidate[c->active[a]].tool == tool) return true;
     }
@@ -402,9 +402,9 @@ static bool touches(const palp_contact *c, uint32_t tool) {
 }
 
 /* Whether the tool at p is near enough to a body to look for its nearest node; p in its frame. */
-static bool may_touch(const palp_contact *c, uint32_t body, uint32_t tool, palp_vec3 p) {
+static bool may_touch(const palp_node_contact *c, uint32_t body, uint32_t tool, palp_vec3 p) {
     if (c->assembly == NULL) return !touches(c, tool);
-    const palp_meta *m = palp_contact_blob(c, body)->meta;
+    const palp_meta *m = palp_node_contact_blob(c, body)->meta;
     const float at[3] = {p.x, p.y, p.z};
     float reach = 2.0f * c->size_m[tool] + 0.25f * palp_norm(palp_sub(palp_vec3_at(m->box_max_m),
                                                                       palp_vec3_at(m->box_min_m)));
@@ -415,14 +415,14 @@ static bool may_touch(const palp_contact *c, uint32_t body, uint32_t tool, palp_
 }
 
 /* The nearest nodes of the bodies near a tool. */
-static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
+static void propose_nearest(palp_node_contact *c, proposals *p, uint32_t t) {
     palp_vec3 probe = palp_tool_probe(&c->tools[t], p->center[t], c->probe);
     for (uint32_t k = 0; k < c->bodies; k++) {
-        const palp_blob *b = palp_contact_blob(c, k);
+        const palp_blob *b = palp_node_contact_blob(c, k);
         palp_vec3 at = c->assembly != NULL ? palp_carry_back(&c->assembly->world[k], probe) : probe;
         if (!may_touch(c, k, t, at)) continue;
         uint32_t *nearest = &c->nearest[k][t];
-        *nearest = palp_contact_nearest(c, k, at, *nearest);
+        *nearest = palp_node_contact_nearest(c, k, at, *nearest);
         if (palp_node_is_fixed(b, *nearest)) continue;
         uint32_t slot = ancestor(c, k, palp_node_slot(b, *nearest));
         if (slot < b->level[level_in(c, k)].nodes) propose(c, p, (palp_fresh){slot, t, k, 0, 0});
@@ -430,21 +430,21 @@ static void propose_nearest(palp_contact *c, proposals *p, uint32_t t) {
 }
 
 /* Around the next candidates in turn. */
-static void propose_walk(palp_contact *c, proposals *p) {
-    for (uint32_t i = 0; i < PALP_CONTACT_WALK && i < c->count && may_look(c, p); i++) {
+static void propose_walk(palp_node_contact *c, proposals *p) {
+    for (uint32_t i = 0; i < PALP_NODE_CONTACT_WALK && i < c->count && may_look(c, p); i++) {
         c->walk = c->walk + 1u < c->count ? c->walk + 1u : 0u;
         propose_neighbours(c, p, &c->candidate[c->walk]);
     }
 }
 
 /* The next slots in turn. */
-static void propose_scan(palp_contact *c, proposals *p) {
+static void propose_scan(palp_node_contact *c, proposals *p) {
     uint32_t body = 0, nodes = c->blob->level[c->level].nodes;
     const uint32_t tools = c->tool_count;
     if (tools == 0u) return;
     if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
-    p->looks = PALP_CONTACT_SCAN;
-    for (uint32_t i = 0; i < PALP_CONTACT_SCAN && i < nodes && may_look(c, p); i++) {
+    p->looks = PALP_NODE_CONTACT_SCAN;
+    for (uint32_t i = 0; i < PALP_NODE_CONTACT_SCAN && i < nodes && may_look(c, p); i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
         /* both in all at most bodies */
         while (body > 0u && c->scan < c->first_slot[body]) body--;
@@ -455,10 +455,10 @@ static void propose_scan(palp_contact *c, proposals *p) {
     }
 }
 
-uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
-    palp_contact *c = contact;
+uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
+    palp_node_contact *c = contact;
     if (c->tool_count == 0u) return 0; /* init refuses that */
-    proposals p = {.center = center, .fresh = fresh, .looks = PALP_CONTACT_LOOKS};
+    proposals p = {.center = center, .fresh = fresh, .looks = PALP_NODE_CONTACT_LOOKS};
     c->flags = 0;
     c->pivots = 0;
     shrink_relief(c);
@@ -471,13 +471,13 @@ uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, pal
     propose_walk(c, &p);
     propose_scan(c, &p);
     if (c->assembly == NULL) return p.found;
-    return p.found + palp_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
+    return p.found + palp_node_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
 }
 
 /* ---- compliances ---- */
 
 /* The block between the hat `a` and [inner,b]: what R says of the inner level's table. */
-static void mixed_block(palp_contact *c, uint32_t a, uint32_t b, float block[9]) {
+static void mixed_block(palp_node_contact *c, uint32_t a, uint32_t b, float block[9]) {
     const palp_blob *blob = c->blob;
     const palp_domain *d = &blob->domain[PALP_FREE];
     palp_child_range r = palp_children(d, a, c->level);
@@ -493,7 +493,7 @@ static void mixed_block(palp_contact *c, uint32_t a, uint32_t b, float block[9])
 }
 
 /* The 3x3 compliance between candidates i and j (i felt, j pushed). */
-static void block_between(palp_contact *c, uint32_t i, uint32_t j, float block[9]) {
+static void block_between(palp_node_contact *c, uint32_t i, uint32_t j, float block[9]) {
     const palp_blob *b = c->blob;
     uint32_t slot_i = c->candidate[i].slot, slot_j = c->candidate[j].slot;
     uint32_t level_i = c->candidate[i].level, level_j = c->candidate[j].level;
@@ -522,7 +522,7 @@ static void block_between(palp_contact *c, uint32_t i, uint32_t j, float block[9
     for (uint32_t e = 0; e < 9; e++) block[e] = 0.5f * (block[e] + back[(e % 3u) * 3u + e / 3u]);
 }
 
-static void cache_pair(palp_contact *c, uint32_t i, uint32_t j) {
+static void cache_pair(palp_node_contact *c, uint32_t i, uint32_t j) {
     size_t stride = c->limits.max_candidates;
     float block[9];
     block_between(c, i, j, block);
@@ -539,7 +539,7 @@ static void cache_pair(palp_contact *c, uint32_t i, uint32_t j) {
 }
 
 /* Drops the idle candidate farthest from its tool, if the new one is nearer. */
-static bool make_room(palp_contact *c, float depth_m) {
+static bool make_room(palp_node_contact *c, float depth_m) {
     uint32_t farthest = c->count;
     float least = depth_m;
     for (uint32_t k = 0; k < c->count; k++) {
@@ -552,22 +552,22 @@ static bool make_room(palp_contact *c, float depth_m) {
         drop(c, farthest);
         return true;
     }
-    if (depth_m > 0.0f) c->flags |= PALP_CONTACT_CANDIDATES_FULL;
+    if (depth_m > 0.0f) c->flags |= PALP_NODE_CONTACT_CANDIDATES_FULL;
     return false;
 }
 
 /* The row of W^-1 for a place on a body; true where a table makes it needless. */
-bool palp_contact_make_row(palp_contact *contact, uint32_t body, uint32_t slot, palp_row *row) {
-    palp_contact *c = contact;
-    const palp_blob *b = palp_contact_blob(c, body);
+bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot, palp_row *row) {
+    palp_node_contact *c = contact;
+    const palp_blob *b = palp_node_contact_blob(c, body);
     uint32_t level = level_in(c, body);
     return b->level[level].table != NULL ||
            palp_basis_row(b, (palp_basis){level, slot}, &c->scratch, row, b->meta->max_row);
 }
 
 /* What a candidate for this place would be. */
-static palp_candidate describe(const palp_contact *c, palp_fresh fresh, uint32_t level) {
-    const palp_blob *b = palp_contact_blob(c, fresh.body);
+static palp_candidate describe(const palp_node_contact *c, palp_fresh fresh, uint32_t level) {
+    const palp_blob *b = palp_node_contact_blob(c, fresh.body);
     uint32_t node = b->domain[PALP_FREE].node[fresh.slot];
     palp_candidate k = {.node = node,
                         .slot = fresh.slot,
@@ -575,20 +575,20 @@ static palp_candidate describe(const palp_contact *c, palp_fresh fresh, uint32_t
                         .tool = fresh.tool,
                         .body = fresh.body,
                         .d = palp_vec3_at(b->normal + 3u * (size_t)node),
-                        .x = palp_contact_place(c, fresh.body, node),
-                        .n = palp_contact_normal(c, fresh.body, node)};
+                        .x = palp_node_contact_place(c, fresh.body, node),
+                        .n = palp_node_contact_normal(c, fresh.body, node)};
     if (fresh.tool == PALP_ZONE_TOOL) {
         k.facing = (palp_spot){.body = fresh.facing_body, .node = fresh.facing_node};
-        palp_contact_aim(c, &k);
+        palp_node_contact_aim(c, &k);
     }
-    k.at = palp_contact_see(c, &k, c->about);
+    k.at = palp_node_contact_see(c, &k, c->about);
     return k;
 }
 
-void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
-    palp_contact *c = contact;
+void palp_node_contact_admit(palp_node_contact *contact, palp_fresh fresh) {
+    palp_node_contact *c = contact;
     uint32_t level = c->assembly != NULL ? level_in(c, fresh.body)
-                                         : palp_contact_level_of(c, fresh.slot, fresh.tool);
+                                         : palp_node_contact_level_of(c, fresh.slot, fresh.tool);
     uint16_t *place = &c->place[c->first_slot[fresh.body] + fresh.slot];
     size_t stride = c->limits.max_candidates;
     if (*place != 0u && fresh.tool != PALP_ZONE_TOOL && gives_way(c, *place - 1u))
@@ -599,17 +599,17 @@ void palp_contact_admit(palp_contact *contact, palp_fresh fresh) {
     uint32_t i = c->count;
     palp_candidate *k = &c->candidate[i];
     *k = made;
-    bool fits = palp_contact_make_row(c, k->body, k->slot, &c->row[i]) &&
+    bool fits = palp_node_contact_make_row(c, k->body, k->slot, &c->row[i]) &&
                 (k->tool != PALP_ZONE_TOOL ||
-                 palp_contact_make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
+                 palp_node_contact_make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
     if (!fits) { /* a blob that understates max_row */
-        c->flags |= PALP_CONTACT_CANDIDATES_FULL;
+        c->flags |= PALP_NODE_CONTACT_CANDIDATES_FULL;
         return;
     }
     *place = (uint16_t)(i + 1u);
     c->count++;
-    if (c->assembly != NULL) palp_contact_join(c, i);
+    if (c->assembly != NULL) palp_node_contact_join(c, i);
     for (uint32_t j = 0; j <= i && c->assembly == NULL; j++) cache_pair(c, i, j);
-    k->relief_m = palp_max(k->at.depth_m - palp_contact_indentation(c, i), 0.0f);
+    k->relief_m = palp_max(k->at.depth_m - palp_node_contact_indentation(c, i), 0.0f);
     k->target_m = k->at.depth_m - k->relief_m;
 }

@@ -6,16 +6,16 @@
 #define PENETRATION_MIN 2e-5f /* violation that lets a candidate in, over the tool's size */
 
 /* g lambda at a candidate */
-float palp_contact_indentation(const palp_contact *contact, uint32_t candidate) {
-    const palp_contact *c = contact;
+float palp_node_contact_indentation(const palp_node_contact *contact, uint32_t candidate) {
+    const palp_node_contact *c = contact;
     float sum = 0.0f;
     for (uint32_t a = 0; a < c->active_count; a++) {
-        sum += palp_contact_g(c, candidate, c->active[a]) * c->candidate[c->active[a]].force_N;
+        sum += palp_node_contact_g(c, candidate, c->active[a]) * c->candidate[c->active[a]].force_N;
     }
     return sum;
 }
 
-palp_vec3 palp_contact_force(const palp_contact *contact, uint32_t tool) {
+palp_vec3 palp_node_contact_force(const palp_node_contact *contact, uint32_t tool) {
     palp_vec3 force = {0};
     for (uint32_t a = 0; a < contact->active_count; a++) {
         const palp_candidate *k = &contact->candidate[contact->active[a]];
@@ -24,7 +24,7 @@ palp_vec3 palp_contact_force(const palp_contact *contact, uint32_t tool) {
     return force;
 }
 
-float palp_contact_normal_force(const palp_contact *contact, uint32_t tool, palp_vec3 *axis) {
+float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool, palp_vec3 *axis) {
     palp_vec3 sum = {0};
     float total = 0.0f;
     for (uint32_t a = 0; a < contact->active_count; a++) {
@@ -38,18 +38,18 @@ float palp_contact_normal_force(const palp_contact *contact, uint32_t tool, palp
     return total;
 }
 
-float palp_contact_energy(const palp_contact *contact) {
+float palp_node_contact_energy(const palp_node_contact *contact) {
     float sum = 0.0f;
     for (uint32_t a = 0; a < contact->active_count; a++) {
         uint32_t i = contact->active[a];
-        sum += contact->candidate[i].force_N * palp_contact_indentation(contact, i);
+        sum += contact->candidate[i].force_N * palp_node_contact_indentation(contact, i);
     }
     return 0.5f * sum;
 }
 
 /* ---- the factor ---- */
 
-static void let_out(palp_contact *c, uint32_t a) {
+static void let_out(palp_node_contact *c, uint32_t a) {
     palp_chol_remove(c->factor, c->active_count, c->limits.max_active, a);
     c->work_done += (uint64_t)c->active_count * c->active_count * 5u / 2u;
     c->candidate[c->active[a]].force_N = 0.0f;
@@ -59,11 +59,11 @@ static void let_out(palp_contact *c, uint32_t a) {
     c->changes++;
 }
 
-bool palp_contact_let_in(palp_contact *contact, uint32_t candidate) {
-    palp_contact *c = contact;
+bool palp_node_contact_let_in(palp_node_contact *contact, uint32_t candidate) {
+    palp_node_contact *c = contact;
     uint32_t n = c->active_count;
-    for (uint32_t a = 0; a < n; a++) c->work[a] = palp_contact_g(c, candidate, c->active[a]);
-    c->work[n] = palp_contact_g(c, candidate, candidate);
+    for (uint32_t a = 0; a < n; a++) c->work[a] = palp_node_contact_g(c, candidate, c->active[a]);
+    c->work[n] = palp_node_contact_g(c, candidate, candidate);
     c->work_done += (uint64_t)n * n / 2u + n;
     if (palp_chol_append(c->factor, n, c->limits.max_active, c->work) != PALP_OK) return false;
     c->active[n] = candidate;
@@ -74,15 +74,15 @@ bool palp_contact_let_in(palp_contact *contact, uint32_t candidate) {
 }
 
 /* Every so often the factor is made afresh, so that rounding in its updates does not build up. */
-static void refactor(palp_contact *c) {
+static void refactor(palp_node_contact *c) {
     uint32_t n = c->active_count;
-    if (c->changes < PALP_CONTACT_REFACTOR) return;
+    if (c->changes < PALP_NODE_CONTACT_REFACTOR) return;
     c->active_count = 0;
     c->changes = 0;
     for (uint32_t a = 0; a < n; a++) {
         uint32_t candidate = c->active[a];
         c->candidate[candidate].active = false;
-        if (!palp_contact_let_in(c, candidate)) c->candidate[candidate].force_N = 0.0f;
+        if (!palp_node_contact_let_in(c, candidate)) c->candidate[candidate].force_N = 0.0f;
     }
     c->changes = 0;
 }
@@ -91,7 +91,7 @@ static void refactor(palp_contact *c) {
 
 /* Columns of R^-T J for every axis of every tool on a spring; returns how many, with the spring of
  * each. */
-static uint32_t give_columns(palp_contact *c, float spring[3u * PALP_MAX_TOOLS]) {
+static uint32_t give_columns(palp_node_contact *c, float spring[3u * PALP_MAX_TOOLS]) {
     uint32_t columns = 0;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         if (!(c->grip[t].stiffness_N_per_m > 0.0f)) continue;
@@ -119,7 +119,7 @@ static float product(const float *x, const float *y, uint32_t n) {
 
 /* t -= Y (K + Y^T Y)^-1 Y^T t with Y = R^-T J: what the springs' give takes from the forward
  * solution t. */
-static void give_way(palp_contact *c, float *t) {
+static void give_way(palp_node_contact *c, float *t) {
     float spring[3u * PALP_MAX_TOOLS], s[3u * PALP_MAX_TOOLS];
     float m[9u * PALP_MAX_TOOLS * PALP_MAX_TOOLS];
     uint32_t n = c->active_count, columns = give_columns(c, spring);
@@ -143,7 +143,7 @@ static void give_way(palp_contact *c, float *t) {
  * One step towards the solution on the active set. Either all of it is reached (true), or forces
  * move until the first one vanishes and that candidate is let out.
  */
-static bool step_or_let_out(palp_contact *c) {
+static bool step_or_let_out(palp_node_contact *c) {
     uint32_t n = c->active_count;
     float *z = c->target;
     float reach = 1.0f;
@@ -171,7 +171,7 @@ static bool step_or_let_out(palp_contact *c) {
 }
 
 /* The idle candidate that its tool violates most, or `count` if none is violated. */
-static uint32_t most_violated(palp_contact *c) {
+static uint32_t most_violated(palp_node_contact *c) {
     palp_vec3 moved[PALP_MAX_TOOLS + 1u] = {{0}};
     float worst[PALP_MAX_TOOLS + 1u], most = 0.0f;
     worst[PALP_ZONE_TOOL] = PENETRATION_MIN * c->size_m[PALP_ZONE_TOOL];
@@ -179,13 +179,13 @@ static uint32_t most_violated(palp_contact *c) {
     for (uint32_t t = 0; t < c->tool_count; t++) {
         worst[t] = PENETRATION_MIN * c->size_m[t];
         if (c->grip[t].stiffness_N_per_m > 0.0f)
-            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_contact_force(c, t));
+            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
     }
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
         float wanted = k->target_m - palp_dot(k->at.push, moved[k->tool]);
         if (k->blocked == c->solves || k->active) continue;
-        float missing = wanted - palp_contact_indentation(c, i);
+        float missing = wanted - palp_node_contact_indentation(c, i);
         if (missing <= worst[k->tool] || missing <= most) continue;
         most = missing;
         best = i;
@@ -196,17 +196,17 @@ static uint32_t most_violated(palp_contact *c) {
 
 /* Without room for them, violated candidates are relieved, so that room found later cannot push the
  * tool. */
-static void relieve_idle(palp_contact *c) {
+static void relieve_idle(palp_node_contact *c) {
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         if (k->active) continue;
-        k->relief_m = palp_max(k->at.depth_m - palp_contact_indentation(c, i), k->relief_m);
+        k->relief_m = palp_max(k->at.depth_m - palp_node_contact_indentation(c, i), k->relief_m);
         c->work_done += 2u * c->active_count;
     }
 }
 
-void palp_contact_begin(palp_contact *contact, const palp_vec3 *about, const palp_grip *grip) {
-    palp_contact *c = contact;
+void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about, const palp_grip *grip) {
+    palp_node_contact *c = contact;
     c->solves++;
     c->pivots_now = 0;
     refactor(c);
@@ -217,16 +217,16 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *about, const pal
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         palp_vec3 off = palp_sub(c->grip[k->tool].held_m, c->about[k->tool]);
-        k->at = palp_contact_see(c, k, c->about);
+        k->at = palp_node_contact_see(c, k, c->about);
         k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off);
     }
     c->work_done += 60u * (uint64_t)c->count;
 }
 
-bool palp_contact_step(palp_contact *contact) {
-    palp_contact *c = contact;
+bool palp_node_contact_step(palp_node_contact *contact) {
+    palp_node_contact *c = contact;
     if (c->pivots_now == c->limits.max_pivots) {
-        c->flags |= PALP_CONTACT_PIVOTS_SPENT;
+        c->flags |= PALP_NODE_CONTACT_PIVOTS_SPENT;
         return false;
     }
     c->pivots_now++;
@@ -235,20 +235,20 @@ bool palp_contact_step(palp_contact *contact) {
     uint32_t next = most_violated(c);
     if (next == c->count) return false;
     if (c->active_count == c->limits.max_active) {
-        c->flags |= PALP_CONTACT_ACTIVE_FULL;
+        c->flags |= PALP_NODE_CONTACT_ACTIVE_FULL;
         relieve_idle(c);
         return false;
     }
-    if (!palp_contact_let_in(c, next)) {
+    if (!palp_node_contact_let_in(c, next)) {
         c->candidate[next].blocked = c->solves;
-        c->flags |= PALP_CONTACT_REDUNDANT;
+        c->flags |= PALP_NODE_CONTACT_REDUNDANT;
     }
     return true;
 }
 
-palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip) {
-    palp_contact_begin(contact, &about, &grip);
+palp_vec3 palp_node_contact_solve(palp_node_contact *contact, palp_vec3 about, palp_grip grip) {
+    palp_node_contact_begin(contact, &about, &grip);
     /* at most max_pivots */
-    while (palp_contact_step(contact)) {}
-    return palp_contact_force(contact, 0);
+    while (palp_node_contact_step(contact)) {}
+    return palp_node_contact_force(contact, 0);
 }

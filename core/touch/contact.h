@@ -24,7 +24,7 @@
  *
  * On a multizone model each zone is a body of its own, on its constraint level, and the compliance
  * has the seams' response on top (zone/assembly.h): candidates are moved along and compliances
- * renewed by palp_contact_follow whenever the posture has changed. Zones also touch each other: a
+ * renewed by palp_node_contact_follow whenever the posture has changed. Zones also touch each other: a
  * candidate of PALP_ZONE_TOOL is a node of one zone before a node of another, pushed apart along
  * their mean normal.
  *
@@ -38,7 +38,7 @@
 
 #include "core/base/arena.h"
 #include "core/green/hierarchy.h"
-#include "core/touch/tool.h"
+#include "core/contact/tool.h"
 #include "core/zone/assembly.h"
 
 typedef struct {
@@ -47,28 +47,28 @@ typedef struct {
     uint32_t max_new;        /* candidates taken in per tick */
     uint32_t max_pivots;     /* active set steps per solve */
     bool friction;           /* keep full 3x3 compliances, which friction needs */
-} palp_contact_limits;
+} palp_node_contact_limits;
 
 #define PALP_MAX_TOOLS 4u
 #define PALP_MAX_CANDIDATES 256u
-#define PALP_CONTACT_SCAN 32u    /* slots looked at in turn by each search */
-#define PALP_CONTACT_DESCENT 32u /* moves of the nearest node, at most */
-#define PALP_CONTACT_WALK 24u    /* candidates whose neighbours are, in turn */
-#define PALP_CONTACT_LOOKS                                                                         \
+#define PALP_NODE_CONTACT_SCAN 32u    /* slots looked at in turn by each search */
+#define PALP_NODE_CONTACT_DESCENT 32u /* moves of the nearest node, at most */
+#define PALP_NODE_CONTACT_WALK 24u    /* candidates whose neighbours are, in turn */
+#define PALP_NODE_CONTACT_LOOKS                                                                         \
     48u /* close looks at those, and as many as slots in turn at the slots                         \
          */
-#define PALP_CONTACT_DEFAULTS ((palp_contact_limits){96u, 48u, 4u, 12u, false})
+#define PALP_NODE_CONTACT_DEFAULTS ((palp_node_contact_limits){96u, 48u, 4u, 12u, false})
 
-#define PALP_CONTACT_REFACTOR 64u /* changes of the factor before it is made afresh */
+#define PALP_NODE_CONTACT_REFACTOR 64u /* changes of the factor before it is made afresh */
 
-#define PALP_CONTACT_PIVOTS_SPENT 1u /* stopped before the complementarity conditions held */
-#define PALP_CONTACT_ACTIVE_FULL 2u  /* more candidates wanted in than max_active */
-#define PALP_CONTACT_CANDIDATES_FULL 4u
-#define PALP_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
-#define PALP_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
+#define PALP_NODE_CONTACT_PIVOTS_SPENT 1u /* stopped before the complementarity conditions held */
+#define PALP_NODE_CONTACT_ACTIVE_FULL 2u  /* more candidates wanted in than max_active */
+#define PALP_NODE_CONTACT_CANDIDATES_FULL 4u
+#define PALP_NODE_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
+#define PALP_NODE_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
 
 #define PALP_ZONE_TOOL PALP_MAX_TOOLS /* stands for the other zones */
-#define PALP_CONTACT_PAIR_SCAN 4u     /* nodes that are compared with other zones by each search */
+#define PALP_NODE_CONTACT_PAIR_SCAN 4u     /* nodes that are compared with other zones by each search */
 
 /* Something that search found: a slot of the contact's level, and the tool near it. */
 typedef struct {
@@ -115,7 +115,7 @@ typedef struct {
     uint32_t first_slot[PALP_MAX_ZONES + 1u]; /* of each body in `place` */
     uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
     float zone;     /* in units of palp_touch.reach */
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     palp_candidate *candidate; /* [max_candidates], the first `count` in use */
     palp_row *row;             /* [max_candidates], unless the level has a table */
     float *compliance;         /* [max_candidates][max_candidates] g */
@@ -140,69 +140,69 @@ typedef struct {
     palp_grip grip[PALP_MAX_TOOLS + 1u];              /* of the last solve */
     palp_vec3 about[PALP_MAX_TOOLS + 1u];             /* of the last search or solve */
     uint64_t work_done; /* multiply-adds and look-ups so far, counted */
-} palp_contact;
+} palp_node_contact;
 
 /* Each limit at least 1, max_candidates at most PALP_MAX_CANDIDATES, the others at most
  * max_candidates. */
-bool palp_contact_limits_sound(palp_contact_limits limits);
+bool palp_node_contact_limits_sound(palp_node_contact_limits limits);
 
-size_t palp_contact_memsize(const palp_blob *blob, palp_contact_limits limits);
+size_t palp_node_contact_memsize(const palp_blob *blob, palp_node_contact_limits limits);
 
 /*
  * `position_m` (float[nodes][3]: the surface without contact, normally blob->rest_m) and `tools`
  * are kept by reference. Starts on the blob's constraint level. Errors: LIMITS, ARGUMENT (unsound
  * tools, or friction without limits.friction), MEMORY, ALIGNMENT; *contact is then not to be used.
  */
-palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const float *position_m,
+palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob, const float *position_m,
                               const palp_tool *tools, uint32_t tool_count,
-                              palp_contact_limits limits, void *memory, size_t bytes);
+                              palp_node_contact_limits limits, void *memory, size_t bytes);
 
 /*
  * The same on a multizone model, held by reference, with PALP_ZONE_TOOL contact if `pairs`.
  * Friction needs compliances along three directions and is not offered: ARGUMENT.
  */
-size_t palp_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_contact_limits limits);
-palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
+size_t palp_node_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
+                                  palp_node_contact_limits limits);
+palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assembly *assembly, bool pairs,
                                     const palp_tool *tools, uint32_t tool_count,
-                                    palp_contact_limits limits, void *memory, size_t bytes);
+                                    palp_node_contact_limits limits, void *memory, size_t bytes);
 
 /*
  * Moves all candidates along with the posture and renews their compliances by the seams' factor in
  * use. Cost: candidates (18 M + modes^2) and candidates^2 modes, M of a zone and modes of the seams
  * on a zone's way to the last one.
  */
-void palp_contact_follow(palp_contact *contact);
+void palp_node_contact_follow(palp_node_contact *contact);
 
 /* Tells the assembly the present contact forces (palp_assembly_load). */
-void palp_contact_load(const palp_contact *contact, palp_assembly *assembly);
+void palp_node_contact_load(const palp_node_contact *contact, palp_assembly *assembly);
 
 /* Forgets all contacts; further ones are sought on `level` if it has a table, else on the blob's
  * constraint level. */
-void palp_contact_clear(palp_contact *contact, uint32_t level);
+void palp_node_contact_clear(palp_node_contact *contact, uint32_t level);
 
 /* The same on two levels, both with tables, the outer one just below the inner. */
-void palp_contact_clear_mixed(palp_contact *contact, uint32_t level, uint32_t outer, float zone);
+void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer, float zone);
 
 /* The level on which a contact would take `slot` for a tool: the inner or the outer one, or
  * PALP_MAX_LEVELS if the slot is not on it. */
-uint32_t palp_contact_level_of(const palp_contact *contact, uint32_t slot, uint32_t tool);
+uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot, uint32_t tool);
 
 /*
  * Updates the candidates for tools at center[tool_count]: drops idle ones out of reach, walks the
  * surface from the others and from the node nearest to a tool that touches nothing, looks at the
- * next PALP_CONTACT_SCAN slots in turn, and lists up to max_new to take in, deepest first. Returns
- * how many are listed in `fresh`. Cost: max_candidates (1 + max_ring) + PALP_CONTACT_SCAN
+ * next PALP_NODE_CONTACT_SCAN slots in turn, and lists up to max_new to take in, deepest first. Returns
+ * how many are listed in `fresh`. Cost: max_candidates (1 + max_ring) + PALP_NODE_CONTACT_SCAN
  * evaluations of a tool, and one look at 27 grid cells.
  */
-uint32_t palp_contact_search(palp_contact *contact, const palp_vec3 *center, palp_fresh *fresh);
+uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center, palp_fresh *fresh);
 
 /*
  * Takes one in. On a level with a table: count + 1 look-ups; else one row of W^-1 and 2 count + 1
  * extractions. Call it for what search lists, as far as time allows; the rest is found again on the
  * next tick.
  */
-void palp_contact_admit(palp_contact *contact, palp_fresh fresh);
+void palp_node_contact_admit(palp_node_contact *contact, palp_fresh fresh);
 
 /*
  * A solve in steps. begin linearises the depths about tools at `about`:
@@ -215,40 +215,40 @@ void palp_contact_admit(palp_contact *contact, palp_fresh fresh);
  * nothing left to do or max_pivots are spent. Cost of a step: 2.5 active^2 for the solve, 2.5
  * active^2 for the exchange, count * active for the violations.
  */
-void palp_contact_begin(palp_contact *contact, const palp_vec3 *about, const palp_grip *grip);
-bool palp_contact_step(palp_contact *contact);
+void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about, const palp_grip *grip);
+bool palp_node_contact_step(palp_node_contact *contact);
 /* Force on tool `tool` (N). */
-palp_vec3 palp_contact_force(const palp_contact *contact, uint32_t tool);
+palp_vec3 palp_node_contact_force(const palp_node_contact *contact, uint32_t tool);
 
 /* begin, all steps, and the force on the only tool. */
-palp_vec3 palp_contact_solve(palp_contact *contact, palp_vec3 about, palp_grip grip);
+palp_vec3 palp_node_contact_solve(palp_node_contact *contact, palp_vec3 about, palp_grip grip);
 
 /* Elastic energy of the contact, lambda^T g lambda / 2 (J). active^2 multiply-adds. */
-float palp_contact_energy(const palp_contact *contact);
+float palp_node_contact_energy(const palp_node_contact *contact);
 
 /* Sum of the normal forces under tool `tool` (N), and the direction of their resultant. */
-float palp_contact_normal_force(const palp_contact *contact, uint32_t tool, palp_vec3 *axis);
+float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool, palp_vec3 *axis);
 
 /* For the files of this folder. */
-palp_touch palp_contact_see(const palp_contact *contact, const palp_candidate *candidate,
+palp_touch palp_node_contact_see(const palp_node_contact *contact, const palp_candidate *candidate,
                             const palp_vec3 *center);
-const palp_blob *palp_contact_blob(const palp_contact *contact, uint32_t body);
-uint32_t palp_contact_nearest(const palp_contact *contact, uint32_t body, palp_vec3 rest_m,
+const palp_blob *palp_node_contact_blob(const palp_node_contact *contact, uint32_t body);
+uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body, palp_vec3 rest_m,
                               uint32_t nearest);
-bool palp_contact_make_row(palp_contact *contact, uint32_t body, uint32_t slot, palp_row *row);
-void palp_contact_aim(const palp_contact *contact, palp_candidate *candidate);
-void palp_contact_join(palp_contact *contact, uint32_t candidate);
-void palp_contact_lay_out(palp_contact *contact, palp_arena *arena, uint32_t longest,
+bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot, palp_row *row);
+void palp_node_contact_aim(const palp_node_contact *contact, palp_candidate *candidate);
+void palp_node_contact_join(palp_node_contact *contact, uint32_t candidate);
+void palp_node_contact_lay_out(palp_node_contact *contact, palp_arena *arena, uint32_t longest,
                           uint32_t most_slots);
-palp_status palp_contact_begin_use(palp_contact *contact, const palp_tool *tools,
+palp_status palp_node_contact_begin_use(palp_node_contact *contact, const palp_tool *tools,
                                    uint32_t tool_count);
-void palp_contact_clean(palp_contact *contact, uint32_t most_slots);
-uint32_t palp_contact_search_pairs(palp_contact *contact, palp_fresh *fresh, uint32_t room);
-palp_vec3 palp_contact_place(const palp_contact *contact, uint32_t body, uint32_t node);
-palp_vec3 palp_contact_normal(const palp_contact *contact, uint32_t body, uint32_t node);
-float palp_contact_indentation(const palp_contact *contact, uint32_t candidate);
-bool palp_contact_let_in(palp_contact *contact, uint32_t candidate);
-static inline float palp_contact_g(const palp_contact *contact, uint32_t i, uint32_t j) {
+void palp_node_contact_clean(palp_node_contact *contact, uint32_t most_slots);
+uint32_t palp_node_contact_search_pairs(palp_node_contact *contact, palp_fresh *fresh, uint32_t room);
+palp_vec3 palp_node_contact_place(const palp_node_contact *contact, uint32_t body, uint32_t node);
+palp_vec3 palp_node_contact_normal(const palp_node_contact *contact, uint32_t body, uint32_t node);
+float palp_node_contact_indentation(const palp_node_contact *contact, uint32_t candidate);
+bool palp_node_contact_let_in(palp_node_contact *contact, uint32_t candidate);
+static inline float palp_node_contact_g(const palp_node_contact *contact, uint32_t i, uint32_t j) {
     return contact->compliance[(size_t)i * contact->limits.max_candidates + j];
 }
 

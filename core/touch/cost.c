@@ -60,7 +60,7 @@ static float evaluation_of(const palp_prices *p, const palp_tool *tool) {
     return p->of[cylinder ? PALP_WORK_CYLINDER : PALP_WORK_PAD];
 }
 
-palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits limits,
+palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_node_contact_limits limits,
                                    const palp_tool *tools, uint32_t tool_count,
                                    const palp_prices *price) {
     const palp_meta *m = blob->meta;
@@ -86,7 +86,7 @@ palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits li
 }
 
 palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t finest, bool pairs,
-                                         palp_contact_limits limits, const palp_tool *tools,
+                                         palp_node_contact_limits limits, const palp_tool *tools,
                                          uint32_t tool_count, const palp_prices *price) {
     palp_touch_cost all = palp_touch_cost_of(&zones->blob[0], limits, tools, tool_count, price);
     all.tables = UINT32_MAX;
@@ -120,7 +120,7 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
     all.place = PRICE(&all, PLACE) + PRICE(&all, PLACE_MODE) * all.modes;
     all.evaluation += all.place;
     all.nearest = PRICE(&all, NEAREST) +
-                  PRICE(&all, CELL) * (all.cells + (float)PALP_CONTACT_DESCENT * all.ring);
+                  PRICE(&all, CELL) * (all.cells + (float)PALP_NODE_CONTACT_DESCENT * all.ring);
     return all;
 }
 
@@ -141,20 +141,20 @@ float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t cou
     float near = c->near[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
     float look = PRICE(c, CLOSE) + c->evaluation + PRICE(c, SIFT) * (float)c->limits.max_new;
     float seek =
-        PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + (float)PALP_CONTACT_DESCENT * c->ring);
+        PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + (float)PALP_NODE_CONTACT_DESCENT * c->ring);
     float free_tools = c->zones > 1.0f || active == 0u ? c->tools : c->tools - 1.0f;
-    float walked = least((float)PALP_CONTACT_WALK, k);
+    float walked = least((float)PALP_NODE_CONTACT_WALK, k);
     float asked = (walked * near + free_tools * c->zones) * (mixed(rung) ? MIXED : 1.0f);
     float nodes = c->nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
-    float scanned = least((float)PALP_CONTACT_SCAN, nodes > 0.0f ? nodes : c->slots);
-    float looks = scanned + least((float)PALP_CONTACT_LOOKS, asked);
+    float scanned = least((float)PALP_NODE_CONTACT_SCAN, nodes > 0.0f ? nodes : c->slots);
+    float looks = scanned + least((float)PALP_NODE_CONTACT_LOOKS, asked);
     float sum = PRICE(c, SEARCH) + k * (PRICE(c, CANDIDATE) + c->evaluation) +
                 idle * n * PRICE(c, IDLE) + c->tools * n * PRICE(c, FORCE) +
                 least((float)c->limits.max_new, idle) * drop(c, k) + free_tools * c->zones * seek +
                 walked * (PRICE(c, CHILD) * c->children + near * PRICE(c, NEIGHBOUR)) +
                 scanned * PRICE(c, NEIGHBOUR) + looks * look;
     if (c->pairs > 1.0f) { /* each node that is looked at finds its nearest on every other zone */
-        float pairs = (float)PALP_CONTACT_PAIR_SCAN * (c->zones - 1.0f) + c->ring;
+        float pairs = (float)PALP_NODE_CONTACT_PAIR_SCAN * (c->zones - 1.0f) + c->ring;
         sum += pairs * (c->nearest + c->row + 2.0f * c->place + PRICE(c, NEIGHBOUR));
     }
     return sum;

@@ -22,7 +22,7 @@
 /* What the sums are made of; fixed when a simulation is opened. */
 typedef struct {
     palp_prices price;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     float tools, evaluation; /* how many; the dearest */
     float cells, ring,
         children; /* most nodes in 27 cells, neighbours of a node, children of a slot */
@@ -38,42 +38,42 @@ typedef struct {
     float seam_width;             /* length of a row on the finest of them */
 } palp_touch_cost;
 
-palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_contact_limits limits,
+palp_touch_cost palp_touch_cost_of(const palp_blob *blob, palp_node_contact_limits limits,
                                    const palp_tool *tools, uint32_t tool_count,
                                    const palp_prices *price);
 
 /* The same of a multizone model with seams up to level `finest`: the worst of its zones in each
  * count. */
 palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t finest, bool pairs,
-                                         palp_contact_limits limits, const palp_tool *tools,
+                                         palp_node_contact_limits limits, const palp_tool *tools,
                                          uint32_t tool_count, const palp_prices *price);
 
 /*
- * palp_contact_search: SEARCH + k (CANDIDATE + EVALUATION) + (k - n) n IDLE + T n FORCE
+ * palp_node_contact_search: SEARCH + k (CANDIDATE + EVALUATION) + (k - n) n IDLE + T n FORCE
  *   + min(max_new, k - n) (DROP + k MOVE, with friction + k MOVE_BLOCK)
  *   + tools that touch nothing (NEAREST + (cells + 32 ring) CELL)
- *   + min(PALP_CONTACT_WALK, k) (children CHILD + near NEIGHBOUR) + PALP_CONTACT_SCAN NEIGHBOUR
- *   + looks (CLOSE + EVALUATION + max_new SIFT), looks being PALP_CONTACT_SCAN +
- * PALP_CONTACT_LOOKS, or what the neighbours of k and the nearest nodes ask for
+ *   + min(PALP_NODE_CONTACT_WALK, k) (children CHILD + near NEIGHBOUR) + PALP_NODE_CONTACT_SCAN NEIGHBOUR
+ *   + looks (CLOSE + EVALUATION + max_new SIFT), looks being PALP_NODE_CONTACT_SCAN +
+ * PALP_NODE_CONTACT_LOOKS, or what the neighbours of k and the nearest nodes ask for
  */
 float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t count,
                        uint32_t active);
 
 /*
- * palp_contact_admit: ADMIT + EVALUATION (of a mixed set 2) + n IDLE + (k + 1) LOOK_UP, with all
+ * palp_node_contact_admit: ADMIT + EVALUATION (of a mixed set 2) + n IDLE + (k + 1) LOOK_UP, with all
  * candidates in use
  *   + k ROOM + DROP + k MOVE; without a table + ROW
  */
 float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t count, uint32_t active);
 
-/* palp_contact_begin: BEGIN + k (TARGET + EVALUATION); every 64 changes + palp_cost_refactor. */
+/* palp_node_contact_begin: BEGIN + k (TARGET + EVALUATION); every 64 changes + palp_cost_refactor. */
 float palp_cost_begin(const palp_touch_cost *cost, uint32_t count);
 
 /* The factor made afresh: n (n + 1) / 2 (GATHER + SUBSTITUTE + DOT) + n^3 / 6 AXPY + n APPEND. */
 float palp_cost_refactor(const palp_touch_cost *cost, uint32_t active);
 
 /*
- * palp_contact_step: the solve, PIVOT + n ACTIVE + (1 + C) (n SUBSTITUTE + n^2 / 2 AXPY)
+ * palp_node_contact_step: the solve, PIVOT + n ACTIVE + (1 + C) (n SUBSTITUTE + n^2 / 2 AXPY)
  *   + n SUBSTITUTE + n^2 / 2 DOT + C (SPRING + n (ACTIVE + AXPY)) + (C^2 + C) n DOT,
  * and the dearer of what may follow:
  *   one is let out:  n ROTATION + n^2 / 2 ROTATE
@@ -88,11 +88,11 @@ float palp_cost_pivot_out(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_pivot_in(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 float palp_cost_relieve(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 
-/* What palp_coupling_step does around a solve: T (COUPLE + n FORCE), with friction + T FRICTION +
+/* What palp_node_coupling_step does around a solve: T (COUPLE + n FORCE), with friction + T FRICTION +
  * T n FORCE. */
 float palp_cost_couple(const palp_touch_cost *cost, uint32_t active);
 
-/* palp_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE) + n^2 IDLE
+/* palp_node_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE) + n^2 IDLE
  * + 3 n ACTIVE, with friction + T FRICTION + n^2 FRICTION_PAIR. */
 float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
 
@@ -114,7 +114,7 @@ float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t loa
 float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
 /*
- * palp_contact_load and palp_contact_follow on a level of the seams with `unknowns`
+ * palp_node_contact_load and palp_node_contact_follow on a level of the seams with `unknowns`
  * (palp_seams_cost_solve being `solve`), with p = 2 if zones touch each other, else 1:
  * (k + n) p (PLACE + 3 modes PLACE_MODE) + k (solve / 2 + unknowns SEAM_MODE + width SEAM_DOT)
  * + k (k + 1) / 2 (unknowns SEAM_DOT + MOVE), and with p = 2 max_new (a nearest node and a row + 4

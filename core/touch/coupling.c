@@ -4,20 +4,20 @@
 #define SETTLED 1e-4f     /* a move this small, over the tool's size, is the last */
 #define LARGEST_MOVE 0.5f /* over the tool's size, per solve */
 
-void palp_coupling_reset(palp_coupling *coupling) {
+void palp_node_coupling_reset(palp_node_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_MAX_TOOLS; t++) {
         coupling->spring[t].placed = false;
         coupling->spring[t].contact_N = (palp_vec3){0};
-        palp_friction_reset(&coupling->spring[t].friction);
+        palp_node_friction_reset(&coupling->spring[t].friction);
     }
 }
 
-static bool touches(const palp_contact *contact, uint32_t tool) {
+static bool touches(const palp_node_contact *contact, uint32_t tool) {
     palp_vec3 axis;
-    return palp_contact_normal_force(contact, tool, &axis) > 0.0f;
+    return palp_node_contact_normal_force(contact, tool, &axis) > 0.0f;
 }
 
-void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *contact,
+void palp_node_coupling_centers(const palp_node_coupling *coupling, const palp_node_contact *contact,
                            const palp_vec3 *device_m, palp_vec3 *center) {
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         const palp_spring *s = &coupling->spring[t];
@@ -25,7 +25,7 @@ void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *co
     }
 }
 
-void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact,
+void palp_node_coupling_begin(palp_node_coupling *coupling, palp_node_contact *contact,
                          const palp_vec3 *device_m) {
     coupling->solves = coupling->pivots = 0;
     coupling->solving = false;
@@ -36,15 +36,15 @@ void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact,
         coupling->next_m[t] = device_m[t];
         if (!held) s->tool_m = device_m[t];
         if (contact->tools[t].friction > 0.0f)
-            palp_friction_prepare(&s->friction, contact, t, s->tool_m);
+            palp_node_friction_prepare(&s->friction, contact, t, s->tool_m);
     }
 }
 
-static palp_grip grip_of(const palp_coupling *c, uint32_t t) {
+static palp_grip grip_of(const palp_node_coupling *c, uint32_t t) {
     return (palp_grip){c->next_m[t], c->spring[t].stiffness_N_per_m};
 }
 
-static void begin_solve(palp_coupling *c, palp_contact *contact) {
+static void begin_solve(palp_node_coupling *c, palp_node_contact *contact) {
     palp_vec3 about[PALP_MAX_TOOLS];
     palp_grip grip[PALP_MAX_TOOLS];
     for (uint32_t t = 0; t < contact->tool_count; t++) {
@@ -54,7 +54,7 @@ static void begin_solve(palp_coupling *c, palp_contact *contact) {
         grip[t].held_m =
             palp_madd(grip[t].held_m, 1.0f / s->stiffness_N_per_m, s->friction.force_N);
     }
-    palp_contact_begin(contact, about, grip);
+    palp_node_contact_begin(contact, about, grip);
     c->solving = true;
 }
 
@@ -66,15 +66,15 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
 }
 
 /* Moves the tools to where their forces let them rest; true when they are settled. */
-static bool end_solve(palp_coupling *c, const palp_contact *contact) {
+static bool end_solve(palp_node_coupling *c, const palp_node_contact *contact) {
     bool settled = true;
     c->moved_m = 0.0f;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_spring *s = &c->spring[t];
         float size = contact->size_m[t];
-        s->contact_N = palp_contact_force(contact, t);
+        s->contact_N = palp_node_contact_force(contact, t);
         if (contact->tools[t].friction > 0.0f)
-            palp_friction_solve(&s->friction, contact, t, grip_of(c, t), s->contact_N);
+            palp_node_friction_solve(&s->friction, contact, t, grip_of(c, t), s->contact_N);
         palp_vec3 total = palp_add(s->contact_N, s->friction.force_N);
         palp_vec3 rest = palp_madd(c->next_m[t], 1.0f / s->stiffness_N_per_m, total);
         palp_vec3 from = s->tool_m;
@@ -88,26 +88,26 @@ static bool end_solve(palp_coupling *c, const palp_contact *contact) {
     return settled;
 }
 
-bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact) {
+bool palp_node_coupling_step(palp_node_coupling *coupling, palp_node_contact *contact) {
     if (!coupling->solving) begin_solve(coupling, contact);
-    const uint32_t most = PALP_COUPLING_PIVOTS * contact->limits.max_pivots;
-    bool spent = ++coupling->pivots >= most, more = palp_contact_step(contact);
+    const uint32_t most = PALP_NODE_COUPLING_PIVOTS * contact->limits.max_pivots;
+    bool spent = ++coupling->pivots >= most, more = palp_node_contact_step(contact);
     if (more && !spent) return true;
     bool settled = end_solve(coupling, contact);
-    if (more || (spent && !settled)) contact->flags |= PALP_CONTACT_PIVOTS_SPENT;
-    return !settled && !spent && coupling->solves < PALP_COUPLING_SOLVES;
+    if (more || (spent && !settled)) contact->flags |= PALP_NODE_CONTACT_PIVOTS_SPENT;
+    return !settled && !spent && coupling->solves < PALP_NODE_COUPLING_SOLVES;
 }
 
-void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,
-                       palp_coupling_result *result) {
+void palp_node_coupling_end(palp_node_coupling *coupling, palp_node_contact *contact, float dt_s,
+                       palp_node_coupling_result *result) {
     if (coupling->solving) (void)end_solve(coupling, contact);
-    const float contact_J = palp_contact_energy(contact);
+    const float contact_J = palp_node_contact_energy(contact);
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_spring *s = &coupling->spring[t];
         palp_vec3 force = palp_add(s->contact_N, s->friction.force_N);
-        float energy = contact_J + palp_friction_energy(&s->friction) +
+        float energy = contact_J + palp_node_friction_energy(&s->friction) +
                        0.5f / s->stiffness_N_per_m * palp_dot(force, force);
-        palp_friction_settle(&s->friction, s->tool_m);
+        palp_node_friction_settle(&s->friction, s->tool_m);
         if (s->placed && touches(contact, t)) {
             palp_vec3 velocity =
                 palp_scale(1.0f / dt_s, palp_sub(coupling->next_m[t], s->device_m));
@@ -115,7 +115,7 @@ void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_
         }
         s->device_m = coupling->next_m[t];
         s->placed = true;
-        result[t] = (palp_coupling_result){.force_N = force,
+        result[t] = (palp_node_coupling_result){.force_N = force,
                                            .tool_m = s->tool_m,
                                            .energy_J = energy,
                                            .moved_m = coupling->moved_m};

@@ -7,7 +7,7 @@
  *     force on the hand = F + T - b * velocity of the device     (while touching)
  *
  * F and T are solved together with the spring, linearised about the last tool position, in up to
- * PALP_COUPLING_SOLVES contact solves with PALP_COUPLING_PIVOTS max_pivots
+ * PALP_NODE_COUPLING_SOLVES contact solves with PALP_NODE_COUPLING_PIVOTS max_pivots
  * steps together, taken one pivot at a time so that the caller can stop. The
  * rest position is a function of the device position alone while nothing slips, so the coupling
  * stores energy but makes none. The damper acts on the hand directly and only takes energy.
@@ -17,8 +17,8 @@
 
 #include "core/touch/friction.h"
 
-#define PALP_COUPLING_SOLVES 3u
-#define PALP_COUPLING_PIVOTS 2u /* of a tick, over max_pivots of one solve */
+#define PALP_NODE_COUPLING_SOLVES 3u
+#define PALP_NODE_COUPLING_PIVOTS 2u /* of a tick, over max_pivots of one solve */
 
 /* One tool on its spring. */
 typedef struct {
@@ -26,7 +26,7 @@ typedef struct {
     float damping_Ns_per_m;  /* b >= 0 */
     palp_vec3 tool_m, device_m;
     palp_vec3 contact_N; /* F of the last solve */
-    palp_friction friction;
+    palp_node_friction friction;
     bool placed;
 } palp_spring;
 
@@ -36,30 +36,30 @@ typedef struct {
     uint32_t solves, pivots;          /* finished in it; taken in it */
     bool solving;
     float moved_m; /* last move of a tool */
-} palp_coupling;
+} palp_node_coupling;
 
 typedef struct {
     palp_vec3 force_N; /* on the device */
     palp_vec3 tool_m;
     float moved_m;  /* last move of the tool: what is left unsettled */
     float energy_J; /* stored in this tool's spring and friction, and in the whole contact */
-} palp_coupling_result;
+} palp_node_coupling_result;
 
 /* Lets all tools go; the next tick finds them at the device. */
-void palp_coupling_reset(palp_coupling *coupling);
+void palp_node_coupling_reset(palp_node_coupling *coupling);
 
 /* Where the search for a tick should look: the tools that touch stay where they are. */
-void palp_coupling_centers(const palp_coupling *coupling, const palp_contact *contact,
+void palp_node_coupling_centers(const palp_node_coupling *coupling, const palp_node_contact *contact,
                            const palp_vec3 *device_m, palp_vec3 *center);
 
 /* Begins a tick with the devices at device_m[tool_count]; the candidates are up to date. */
-void palp_coupling_begin(palp_coupling *coupling, palp_contact *contact, const palp_vec3 *device_m);
+void palp_node_coupling_begin(palp_node_coupling *coupling, palp_node_contact *contact, const palp_vec3 *device_m);
 
 /* One pivot, with what begins or ends the solve that it belongs to; false when all is settled. */
-bool palp_coupling_step(palp_coupling *coupling, palp_contact *contact);
+bool palp_node_coupling_step(palp_node_coupling *coupling, palp_node_contact *contact);
 
 /* Ends the tick, settled or not, with the forces reached. */
-void palp_coupling_end(palp_coupling *coupling, palp_contact *contact, float dt_s,
-                       palp_coupling_result *result);
+void palp_node_coupling_end(palp_node_coupling *coupling, palp_node_contact *contact, float dt_s,
+                       palp_node_coupling_result *result);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "friction.h"
 
-void palp_friction_reset(palp_friction *friction) { *friction = (palp_friction){0}; }
+void palp_node_friction_reset(palp_node_friction *friction) { *friction = (palp_node_friction){0}; }
 
-static void find_tangents(palp_friction *f) {
+static void find_tangents(palp_node_friction *f) {
     palp_vec3 n = f->axis;
     palp_vec3 aside =
         palp_abs(n.x) < 0.6f ? (palp_vec3){1.0f, 0.0f, 0.0f} : (palp_vec3){0.0f, 1.0f, 0.0f};
@@ -12,23 +12,23 @@ static void find_tangents(palp_friction *f) {
     f->tangent[1] = palp_cross(n, f->tangent[0]);
 }
 
-static palp_vec3 in_plane(const palp_friction *f, float a, float b) {
+static palp_vec3 in_plane(const palp_node_friction *f, float a, float b) {
     return palp_madd(palp_scale(a, f->tangent[0]), b, f->tangent[1]);
 }
 
 /* A v for v in the tangent plane */
-static palp_vec3 give(const palp_friction *f, palp_vec3 v) {
+static palp_vec3 give(const palp_node_friction *f, palp_vec3 v) {
     float a = palp_dot(v, f->tangent[0]), b = palp_dot(v, f->tangent[1]);
     return in_plane(f, f->compliance[0] * a + f->compliance[1] * b,
                     f->compliance[1] * a + f->compliance[2] * b);
 }
 
-float palp_friction_energy(const palp_friction *friction) {
+float palp_node_friction_energy(const palp_node_friction *friction) {
     return 0.5f * palp_dot(friction->force_N, give(friction, friction->force_N));
 }
 
 /* A from the full compliances and the pressures of the last solve. */
-static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool) {
+static void measure_compliance(palp_node_friction *f, palp_node_contact *c, uint32_t tool) {
     float sum[9] = {0};
     for (uint32_t a = 0; a < c->active_count; a++) {
         uint32_t i = c->active[a];
@@ -59,15 +59,15 @@ static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool)
     f->compliance[2] = sound ? entry[2] : palp_max(entry[2], least);
 }
 
-void palp_friction_prepare(palp_friction *friction, palp_contact *contact, uint32_t tool,
+void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact *contact, uint32_t tool,
                            palp_vec3 tool_m) {
-    palp_friction *f = friction;
-    float stored = palp_friction_energy(f);
+    palp_node_friction *f = friction;
+    float stored = palp_node_friction_energy(f);
     bool touched = f->touching;
     palp_vec3 axis;
-    float normal_N = palp_contact_normal_force(contact, tool, &axis);
+    float normal_N = palp_node_contact_normal_force(contact, tool, &axis);
     if (!(normal_N > 0.0f)) {
-        palp_friction_reset(f);
+        palp_node_friction_reset(f);
         return;
     }
     f->touching = true;
@@ -78,14 +78,14 @@ void palp_friction_prepare(palp_friction *friction, palp_contact *contact, uint3
     measure_compliance(f, contact, tool);
     f->force_N =
         in_plane(f, palp_dot(f->force_N, f->tangent[0]), palp_dot(f->force_N, f->tangent[1]));
-    float now = palp_friction_energy(f);
+    float now = palp_node_friction_energy(f);
     if (now > stored) f->force_N = palp_scale(palp_sqrt(stored / now), f->force_N);
     f->anchor_m = palp_add(tool_m, give(f, f->force_N));
 }
 
-void palp_friction_solve(palp_friction *friction, const palp_contact *contact, uint32_t tool,
+void palp_node_friction_solve(palp_node_friction *friction, const palp_node_contact *contact, uint32_t tool,
                          palp_grip grip, palp_vec3 contact_N) {
-    palp_friction *f = friction;
+    palp_node_friction *f = friction;
     if (!f->touching) return;
     float soft = grip.stiffness_N_per_m > 0.0f ? 1.0f / grip.stiffness_N_per_m : 0.0f;
     palp_vec3 off = palp_sub(palp_madd(grip.held_m, soft, contact_N), f->anchor_m);
@@ -94,13 +94,13 @@ void palp_friction_solve(palp_friction *friction, const palp_contact *contact, u
     float inverse = 1.0f / (a * d - b * b);
     palp_vec3 force = in_plane(f, -inverse * (d * x - b * y), -inverse * (a * y - b * x));
     palp_vec3 axis;
-    float most = contact->tools[tool].friction * palp_contact_normal_force(contact, tool, &axis);
+    float most = contact->tools[tool].friction * palp_node_contact_normal_force(contact, tool, &axis);
     float length = palp_norm(force);
     f->slipping = length > most;
     f->force_N = f->slipping ? palp_scale(most / length, force) : force;
 }
 
-void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m) {
+void palp_node_friction_settle(palp_node_friction *friction, palp_vec3 tool_m) {
     if (friction->touching && friction->slipping)
         friction->anchor_m = palp_add(tool_m, give(friction, friction->force_N));
 }

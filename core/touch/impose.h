@@ -18,7 +18,7 @@
 
 #include "core/dyna/adapt.h"
 #include "core/touch/contact.h"
-#include "core/touch/tool.h"
+#include "core/contact/tool.h"
 
 #define PALP_IMPOSE_SPEED 2.0f /* m/s */
 #define PALP_IMPOSE_LOOKS 8u   /* close looks per tick, times max_spots */

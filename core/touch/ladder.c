@@ -7,26 +7,26 @@
 #define LARGEST_FACTOR 3.0f
 #define FAR 1e6f /* in units of reach */
 
-size_t palp_ladder_memsize(const palp_blob *blob, palp_contact_limits limits) {
+size_t palp_ladder_memsize(const palp_blob *blob, palp_node_contact_limits limits) {
     palp_arena arena = {0};
-    (void)palp_take(&arena, palp_contact_memsize(blob, limits), 1);
-    (void)palp_take(&arena, palp_contact_memsize(blob, limits), 1);
+    (void)palp_take(&arena, palp_node_contact_memsize(blob, limits), 1);
+    (void)palp_take(&arena, palp_node_contact_memsize(blob, limits), 1);
     return arena.used;
 }
 
 palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const float *position_m,
                              const palp_tool *tools, uint32_t tool_count,
-                             palp_contact_limits limits, void *memory, size_t bytes) {
-    if (!palp_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
+                             palp_node_contact_limits limits, void *memory, size_t bytes) {
+    if (!palp_node_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     if (bytes < palp_ladder_memsize(blob, limits)) return PALP_ERR_MEMORY;
     palp_arena arena = {.base = memory};
     palp_ladder *l = ladder;
-    size_t each = palp_contact_memsize(blob, limits);
+    size_t each = palp_node_contact_memsize(blob, limits);
     *l = (palp_ladder){.now = 0};
     for (uint32_t k = 0; k < 2; k++) {
         void *part = palp_take(&arena, each, 1);
-        palp_status status = palp_contact_init(&l->contact[k], blob, position_m, tools, tool_count,
+        palp_status status = palp_node_contact_init(&l->contact[k], blob, position_m, tools, tool_count,
                                                limits, part, each);
         if (status != PALP_OK) return status;
     }
@@ -44,15 +44,15 @@ palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const f
 
 palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
                                    const palp_tool *tools, uint32_t tool_count,
-                                   palp_contact_limits limits, void *memory, size_t bytes) {
+                                   palp_node_contact_limits limits, void *memory, size_t bytes) {
     uint32_t level = assembly->zones->blob[0].meta->constraint_level;
     *ladder = (palp_ladder){.rungs = 1, .at = {{level, level}}};
-    return palp_contact_init_zones(&ladder->contact[0], assembly, pairs, tools, tool_count, limits,
+    return palp_node_contact_init_zones(&ladder->contact[0], assembly, pairs, tools, tool_count, limits,
                                    memory, bytes);
 }
 
 /* The zone of a mixed rung that has room for what is in contact now: half of max_active inside. */
-static float choose_zone(const palp_contact *now, uint32_t inner) {
+static float choose_zone(const palp_node_contact *now, uint32_t inner) {
     /* Of finer candidates each is one inside, of coarser ones each becomes about four. */
     uint32_t room = now->limits.max_active / 2u;
     uint32_t wanted = now->outer >= inner ? room : room / 4u;
@@ -68,11 +68,11 @@ static float choose_zone(const palp_contact *now, uint32_t inner) {
 }
 
 /* Makes `to` empty, on the given rung. */
-static void clear_for(palp_contact *to, const palp_contact *now, palp_rung rung) {
+static void clear_for(palp_node_contact *to, const palp_node_contact *now, palp_rung rung) {
     if (rung.outer == rung.level) {
-        palp_contact_clear(to, rung.level);
+        palp_node_contact_clear(to, rung.level);
     } else {
-        palp_contact_clear_mixed(to, rung.level, rung.outer, choose_zone(now, rung.level));
+        palp_node_contact_clear_mixed(to, rung.level, rung.outer, choose_zone(now, rung.level));
     }
 }
 
@@ -90,7 +90,7 @@ void palp_ladder_clear_to(palp_ladder *ladder, uint32_t rung) {
 /* ---- forces from level to level, on the marks of a scratch ---- */
 
 /* Marks the forces of candidates on one level. */
-static void mark_forces(const palp_contact *from, uint32_t tool, uint32_t level,
+static void mark_forces(const palp_node_contact *from, uint32_t tool, uint32_t level,
                         palp_row_scratch *s) {
     for (uint32_t a = 0; a < from->active_count; a++) {
         const palp_candidate *k = &from->candidate[from->active[a]];
@@ -138,17 +138,17 @@ static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
 }
 
 /* Of a mixed set: forces on slots that it does not hold go to the hats above them. */
-static void settle_outside(const palp_contact *to, uint32_t tool, palp_row_scratch *s) {
+static void settle_outside(const palp_node_contact *to, uint32_t tool, palp_row_scratch *s) {
     const palp_domain *d = &to->blob->domain[PALP_FREE];
     uint32_t first = to->blob->level[to->outer].nodes, end = to->blob->level[to->level].nodes;
     for (uint32_t m = palp_row_next(s, first, end); m < end; m = palp_row_next(s, m + 1u, end)) {
-        if (palp_contact_level_of(to, m, tool) < PALP_MAX_LEVELS) continue;
+        if (palp_node_contact_level_of(to, m, tool) < PALP_MAX_LEVELS) continue;
         gather_one(d, m, s);
     }
 }
 
 /* Marks on `s` what the forces of `from` under one tool are on the basis functions of `to`. */
-static void move_forces(const palp_contact *from, const palp_contact *to, uint32_t tool,
+static void move_forces(const palp_node_contact *from, const palp_node_contact *to, uint32_t tool,
                         palp_row_scratch *s) {
     const palp_blob *b = from->blob;
     uint32_t level = from->outer;
@@ -165,7 +165,7 @@ static void move_forces(const palp_contact *from, const palp_contact *to, uint32
     if (to->outer < to->level && level == to->outer) { /* only hats inside the zone are spread */
         uint32_t end = b->level[level].nodes;
         for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
-            if (palp_contact_level_of(to, a, tool) == to->level) spread_one(b, level, a, s);
+            if (palp_node_contact_level_of(to, a, tool) == to->level) spread_one(b, level, a, s);
         }
         level = to->level;
     }
@@ -174,9 +174,9 @@ static void move_forces(const palp_contact *from, const palp_contact *to, uint32
 }
 
 uint32_t palp_ladder_load(palp_ladder *ladder, uint32_t rung) {
-    palp_contact *now = palp_ladder_contact(ladder);
+    palp_node_contact *now = palp_ladder_contact(ladder);
     palp_rung at = ladder->at[rung];
-    palp_contact to = *now; /* shares all arrays; only levels and zone are looked at */
+    palp_node_contact to = *now; /* shares all arrays; only levels and zone are looked at */
     uint32_t count = 0, slots = now->blob->level[at.level].nodes;
     to.level = at.level;
     to.outer = at.outer;
@@ -197,11 +197,11 @@ uint32_t palp_ladder_load(palp_ladder *ladder, uint32_t rung) {
 
 /* Hands the marked forces of `tool` to candidates of `to`, admitting them if asked; returns the sum
  * that found a place. */
-static float hand_over(palp_contact *to, uint32_t tool, palp_row_scratch *s, bool admit) {
+static float hand_over(palp_node_contact *to, uint32_t tool, palp_row_scratch *s, bool admit) {
     uint32_t slots = to->blob->level[to->level].nodes;
     float carried = 0.0f;
     for (uint32_t i = palp_row_next(s, 0, slots); i < slots; i = palp_row_next(s, i + 1u, slots)) {
-        if (admit) palp_contact_admit(to, (palp_fresh){.slot = i, .tool = tool});
+        if (admit) palp_node_contact_admit(to, (palp_fresh){.slot = i, .tool = tool});
         uint32_t place = to->place[i];
         if (place > 0u && to->candidate[place - 1u].tool == tool && s->weight[i] > 0.0f) {
             to->candidate[place - 1u].force_N += s->weight[i];
@@ -213,19 +213,19 @@ static float hand_over(palp_contact *to, uint32_t tool, palp_row_scratch *s, boo
 }
 
 /* Candidates with a force become active, as far as there is room and their pivots allow. */
-static void activate(palp_contact *c) {
+static void activate(palp_node_contact *c) {
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         if (!(k->force_N > 0.0f)) continue;
         bool room = c->active_count < c->limits.max_active;
-        if (!room || !palp_contact_let_in(c, i)) k->force_N = 0.0f;
+        if (!room || !palp_node_contact_let_in(c, i)) k->force_N = 0.0f;
     }
     c->changes = 0;
 }
 
 /* lambda_i := lambda_i (1 + p_i . m), so that the force on the tool is `wanted`. */
-static void restore_force(palp_contact *c, uint32_t tool, palp_vec3 wanted) {
-    palp_vec3 off = palp_sub(wanted, palp_contact_force(c, tool));
+static void restore_force(palp_node_contact *c, uint32_t tool, palp_vec3 wanted) {
+    palp_vec3 off = palp_sub(wanted, palp_node_contact_force(c, tool));
     float m[9] = {0}, r[3] = {off.x, off.y, off.z};
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_candidate *k = &c->candidate[c->active[a]];
@@ -247,8 +247,8 @@ static void restore_force(palp_contact *c, uint32_t tool, palp_vec3 wanted) {
 }
 
 /* Forces that would store more than `allowed_J` are lowered; returns what is stored then. */
-static float limit_energy(palp_contact *c, float allowed_J) {
-    float stored = palp_contact_energy(c);
+static float limit_energy(palp_node_contact *c, float allowed_J) {
+    float stored = palp_node_contact_energy(c);
     if (!(stored > allowed_J)) return stored;
     float factor = palp_sqrt(allowed_J / stored);
     for (uint32_t a = 0; a < c->active_count; a++) c->candidate[c->active[a]].force_N *= factor;
@@ -256,11 +256,11 @@ static float limit_energy(palp_contact *c, float allowed_J) {
 }
 
 /* What each candidate is relieved of, or credited with, so that the forces are in equilibrium. */
-static void set_reliefs(palp_contact *c, const palp_vec3 *tool_m) {
+static void set_reliefs(palp_node_contact *c, const palp_vec3 *tool_m) {
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         k->at = palp_tool_at(&c->tools[k->tool], tool_m[k->tool], k->x, k->n);
-        float off = k->at.depth_m - palp_contact_indentation(c, i);
+        float off = k->at.depth_m - palp_node_contact_indentation(c, i);
         k->relief_m = k->active ? off : palp_max(off, 0.0f);
         palp_vec3 off_grip = palp_sub(c->grip[k->tool].held_m, tool_m[k->tool]);
         k->target_m = k->at.depth_m - k->relief_m - palp_dot(k->at.push, off_grip);
@@ -270,7 +270,7 @@ static void set_reliefs(palp_contact *c, const palp_vec3 *tool_m) {
 
 /* Moves the contact from `from` to `to`, on the way down taking in what is needed; false if on the
  * way up too much of the force finds no place. */
-static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to, bool down,
+static bool take_over(palp_ladder *ladder, palp_node_contact *from, palp_node_contact *to, bool down,
                       const palp_vec3 *tool_m) {
     float carried = 0.0f, total = 0.0f;
     for (uint32_t t = 0; t < from->tool_count; t++) {
@@ -278,7 +278,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
         to->about[t] = tool_m[t];
         to->grip[t] = from->grip[t];
         to->nearest[0][t] = from->nearest[0][t];
-        total += palp_contact_normal_force(from, t, &axis);
+        total += palp_node_contact_normal_force(from, t, &axis);
         move_forces(from, to, t, &to->scratch);
         carried += hand_over(to, t, &to->scratch, down);
     }
@@ -289,8 +289,8 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
         k->at = palp_tool_at(&to->tools[k->tool], tool_m[k->tool], k->x, k->n);
     }
     for (uint32_t t = 0; t < from->tool_count; t++)
-        restore_force(to, t, palp_contact_force(from, t));
-    float before = palp_contact_energy(from) + ladder->tank_J;
+        restore_force(to, t, palp_node_contact_force(from, t));
+    float before = palp_node_contact_energy(from) + ladder->tank_J;
     ladder->tank_J = palp_max(before - limit_energy(to, before), 0.0f);
     set_reliefs(to, tool_m);
     to->flags = 0;
@@ -300,7 +300,7 @@ static bool take_over(palp_ladder *ladder, palp_contact *from, palp_contact *to,
 
 bool palp_ladder_drop(palp_ladder *ladder, const palp_vec3 *tool_m) {
     if (ladder->rung == 0u) return false;
-    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    palp_node_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
     clear_for(to, from, ladder->at[ladder->rung - 1u]);
     (void)take_over(ladder, from, to, true, tool_m);
     ladder->now = 1u - ladder->now;
@@ -315,7 +315,7 @@ bool palp_ladder_drop(palp_ladder *ladder, const palp_vec3 *tool_m) {
 
 /* Nodes that the forces would come to below, not yet taken in. */
 static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
-    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    palp_node_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
     uint32_t slots = to->blob->level[to->level].nodes, found = 0;
     for (uint32_t t = 0; t < from->tool_count; t++) {
         move_forces(from, to, t, &to->scratch);
@@ -332,7 +332,7 @@ static uint32_t list_missing(palp_ladder *ladder, palp_fresh *fresh) {
 
 uint32_t palp_ladder_prepare(palp_ladder *ladder, const palp_vec3 *tool_m, palp_fresh *fresh) {
     if (ladder->rung + 1u >= ladder->rungs) return 0;
-    palp_contact *to = palp_ladder_other(ladder);
+    palp_node_contact *to = palp_ladder_other(ladder);
     if (!ladder->preparing) {
         clear_for(to, palp_ladder_contact(ladder), ladder->at[ladder->rung + 1u]);
         ladder->preparing = true;
@@ -350,7 +350,7 @@ void palp_ladder_forget(palp_ladder *ladder) {
 
 bool palp_ladder_climb(palp_ladder *ladder, const palp_vec3 *tool_m) {
     if (!ladder->preparing) return false;
-    palp_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
+    palp_node_contact *from = palp_ladder_contact(ladder), *to = palp_ladder_other(ladder);
     palp_ladder_forget(ladder);
     if (!take_over(ladder, from, to, false, tool_m)) return false;
     ladder->now = 1u - ladder->now;
@@ -360,7 +360,7 @@ bool palp_ladder_climb(palp_ladder *ladder, const palp_vec3 *tool_m) {
 }
 
 void palp_ladder_relax(palp_ladder *ladder, float dt_s) {
-    palp_contact *c = palp_ladder_contact(ladder);
+    palp_node_contact *c = palp_ladder_contact(ladder);
     float share = palp_min(dt_s / PALP_RELAX_S, 1.0f), wanted_J = 0.0f;
     for (uint32_t a = 0; a < c->active_count; a++) {
         palp_candidate *k = &c->candidate[c->active[a]];

@@ -34,7 +34,7 @@ typedef struct {
 } palp_rung;
 
 typedef struct {
-    palp_contact contact[2]; /* on a multizone model, which has one rung, the first alone */
+    palp_node_contact contact[2]; /* on a multizone model, which has one rung, the first alone */
     uint32_t now;            /* which of them is felt */
     palp_rung at[2u * PALP_MAX_LEVELS]; /* coarse to fine */
     uint32_t rungs, rung;
@@ -44,24 +44,24 @@ typedef struct {
     float tank_J;
 } palp_ladder;
 
-size_t palp_ladder_memsize(const palp_blob *blob, palp_contact_limits limits);
+size_t palp_ladder_memsize(const palp_blob *blob, palp_node_contact_limits limits);
 
-/* As palp_contact_init; starts on the finest rung. Errors: those of palp_contact_init. */
+/* As palp_node_contact_init; starts on the finest rung. Errors: those of palp_node_contact_init. */
 palp_status palp_ladder_init(palp_ladder *ladder, const palp_blob *blob, const float *position_m,
                              const palp_tool *tools, uint32_t tool_count,
-                             palp_contact_limits limits, void *memory, size_t bytes);
+                             palp_node_contact_limits limits, void *memory, size_t bytes);
 
-/* The same on a multizone model, as palp_contact_init_zones and in as much memory. */
+/* The same on a multizone model, as palp_node_contact_init_zones and in as much memory. */
 palp_status palp_ladder_init_zones(palp_ladder *ladder, palp_assembly *assembly, bool pairs,
                                    const palp_tool *tools, uint32_t tool_count,
-                                   palp_contact_limits limits, void *memory, size_t bytes);
+                                   palp_node_contact_limits limits, void *memory, size_t bytes);
 
 /* Forgets all contacts and the tank, and goes back to the finest rung. */
 void palp_ladder_clear(palp_ladder *ladder);
 /* The same, to another rung. */
 void palp_ladder_clear_to(palp_ladder *ladder, uint32_t rung);
 
-static inline palp_contact *palp_ladder_contact(palp_ladder *ladder) {
+static inline palp_node_contact *palp_ladder_contact(palp_ladder *ladder) {
     return &ladder->contact[ladder->now];
 }
 
@@ -78,7 +78,7 @@ bool palp_ladder_drop(palp_ladder *ladder, const palp_vec3 *tool_m);
  * when it is ready for palp_ladder_climb. Does nothing on the finest rung.
  */
 uint32_t palp_ladder_prepare(palp_ladder *ladder, const palp_vec3 *tool_m, palp_fresh *fresh);
-static inline palp_contact *palp_ladder_other(palp_ladder *ladder) {
+static inline palp_node_contact *palp_ladder_other(palp_ladder *ladder) {
     return &ladder->contact[1u - ladder->now];
 }
 

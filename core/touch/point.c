@@ -11,7 +11,7 @@ typedef struct {
     float radius2;
 } mask;
 
-static float area_of(const palp_contact *c, uint32_t i) {
+static float area_of(const palp_node_contact *c, uint32_t i) {
     return c->blob->level[c->candidate[i].level].area_m2[c->candidate[i].slot];
 }
 
@@ -20,7 +20,7 @@ static float lobe(const mask *m, palp_vec3 off) {
     return s < 1.0f ? 1.0f - s : 0.0f;
 }
 
-static mask place_mask(palp_point *p, const palp_contact *c, palp_vec3 at) {
+static mask place_mask(palp_point *p, const palp_node_contact *c, palp_vec3 at) {
     float r = c->tools[0].ball[0].radius_m;
     mask m = {.radius2 = r * r};
     for (uint32_t i = 0; i < c->count; i++) {
@@ -36,7 +36,7 @@ static mask place_mask(palp_point *p, const palp_contact *c, palp_vec3 at) {
 }
 
 /* grad m_i */
-static palp_vec3 slope_of(const palp_point *p, const palp_contact *c, const mask *m, uint32_t i,
+static palp_vec3 slope_of(const palp_point *p, const palp_node_contact *c, const mask *m, uint32_t i,
                           palp_vec3 at) {
     float area = area_of(c, i);
     palp_vec3 off = palp_sub(c->candidate[i].x, at);
@@ -45,7 +45,7 @@ static palp_vec3 slope_of(const palp_point *p, const palp_contact *c, const mask
 }
 
 /* Depth, compliance and force with the point at `at`. */
-static void press(palp_point *p, palp_contact *c, palp_vec3 at) {
+static void press(palp_point *p, palp_node_contact *c, palp_vec3 at) {
     mask m = place_mask(p, c, at);
     palp_vec3 x = {0}, n = {0}, depth_slope = {0}, compliance_slope = {0};
     p->lambda_N = p->depth_m = p->compliance_m_per_N = 0.0f;
@@ -61,7 +61,7 @@ static void press(palp_point *p, palp_contact *c, palp_vec3 at) {
     for (uint32_t i = 0; i < c->count; i++) {
         palp_vec3 slope = slope_of(p, c, &m, i, at);
         float row = 0.0f;
-        for (uint32_t j = 0; j < c->count; j++) row += palp_contact_g(c, i, j) * p->weight[j];
+        for (uint32_t j = 0; j < c->count; j++) row += palp_node_contact_g(c, i, j) * p->weight[j];
         g += p->weight[i] * row;
         compliance_slope = palp_madd(compliance_slope, 2.0f * row, slope);
         float level = palp_dot(palp_sub(c->candidate[i].x, at), n) + palp_dot(x, c->candidate[i].n);
@@ -82,14 +82,14 @@ static void press(palp_point *p, palp_contact *c, palp_vec3 at) {
     p->force_N = palp_madd(p->force_N, 0.5f * p->lambda_N * p->lambda_N, compliance_slope);
 }
 
-palp_vec3 palp_point_center(const palp_point *point, const palp_contact *contact, palp_vec3 at) {
+palp_vec3 palp_point_center(const palp_point *point, const palp_node_contact *contact, palp_vec3 at) {
     palp_vec3 n = point->lambda_N > 0.0f
                       ? point->axis
                       : palp_vec3_at(contact->blob->normal + 3u * contact->nearest[0][0]);
     return palp_madd(at, ABOVE * contact->tools[0].ball[0].radius_m, n);
 }
 
-palp_vec3 palp_point_solve(palp_point *point, palp_contact *contact, palp_vec3 from,
+palp_vec3 palp_point_solve(palp_point *point, palp_node_contact *contact, palp_vec3 from,
                            palp_grip grip) {
     palp_point *p = point;
     if (!(grip.stiffness_N_per_m > 0.0f)) {

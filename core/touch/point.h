@@ -29,7 +29,7 @@ typedef struct {
 
 /* Where the contact should search for a point at `at`: a little above the surface, so that nodes
  * see the sphere before them. */
-palp_vec3 palp_point_center(const palp_point *point, const palp_contact *contact, palp_vec3 at);
+palp_vec3 palp_point_center(const palp_point *point, const palp_node_contact *contact, palp_vec3 at);
 
 /*
  * Finds where a point held by `grip` comes to rest, from `from` (its last place, or the device),
@@ -37,7 +37,7 @@ palp_vec3 palp_point_center(const palp_point *point, const palp_contact *contact
  * (count + 40) multiply-adds.
  */
 #define PALP_POINT_STEPS 3u
-palp_vec3 palp_point_solve(palp_point *point, palp_contact *contact, palp_vec3 from,
+palp_vec3 palp_point_solve(palp_point *point, palp_node_contact *contact, palp_vec3 from,
                            palp_grip grip);
 
 /* The energy stored under the point (J). */

@@ -139,7 +139,7 @@ int main(void) {
         return 1;
     }
     palp_servo_config config = orbit_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
-    config.limits = (palp_contact_limits)LIMITS;
+    config.limits = (palp_node_contact_limits)LIMITS;
     config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
     config.port = (palp_port){systick_now_ns, NULL};
     print_number("data and memory ", (uint64_t)(&bss_end - &data_begin), " bytes of RAM");

@@ -387,7 +387,7 @@ int main(int argc, char **argv) {
     touch_frame touch = place_body(&blob, &file.device, s.touch);
     palp_servo_config config = {.device = file.device,
                                 .placement = touch.placement,
-                                .limits = PALP_CONTACT_DEFAULTS,
+                                .limits = PALP_NODE_CONTACT_DEFAULTS,
                                 .tool = palp_tool_sphere(touch.tool_radius_m),
                                 .cost = {.target = &palp_target_counted,
                                          .ns_per_instruction = LOCKSTEP_NS,

@@ -322,8 +322,8 @@ static void measure_patches(const palp_blob *b) {
 /* What one contact tick costs while the tool slides, per number of nodes in contact. */
 static void measure_contact(const palp_blob *b) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
-    size_t bytes = palp_contact_memsize(b, PALP_CONTACT_DEFAULTS);
-    palp_contact c;
+    size_t bytes = palp_node_contact_memsize(b, PALP_NODE_CONTACT_DEFAULTS);
+    palp_node_contact c;
     float edge = b->meta->mean_edge_m;
     printf("\ncontact ticks while pressing (median)\n");
     for (float radius = 2; radius <= 8; radius *= 2) {
@@ -333,15 +333,15 @@ static void measure_contact(const palp_blob *b) {
             if (b->rest_m[3 * i + 1] < b->rest_m[3 * top + 1] && !palp_node_is_fixed(b, i)) top = i;
         }
         palp_tool tool = palp_tool_sphere(radius * edge);
-        (void)palp_contact_init(&c, b, b->rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
+        (void)palp_node_contact_init(&c, b, b->rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
                                 allocate_aligned(bytes, 1), bytes);
         palp_vec3 n = palp_vec3_at(b->normal + 3 * top), x = palp_vec3_at(b->rest_m + 3 * top);
         for (int i = 0; i < 400; i++) {
             palp_vec3 p = palp_madd(x, edge * (radius + 1 - 0.006f * (float)i), n);
             double start = now_s();
-            uint32_t count = palp_contact_search(&c, &p, fresh);
-            for (uint32_t k = 0; k < count; k++) palp_contact_admit(&c, fresh[k]);
-            (void)palp_contact_solve(&c, p, (palp_grip){.held_m = p});
+            uint32_t count = palp_node_contact_search(&c, &p, fresh);
+            for (uint32_t k = 0; k < count; k++) palp_node_contact_admit(&c, fresh[k]);
+            (void)palp_node_contact_solve(&c, p, (palp_grip){.held_m = p});
             t[i] = (now_s() - start) * 1e6;
             active = c.active_count;
         }

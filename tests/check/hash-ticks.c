@@ -67,7 +67,7 @@ static void move_zones(const char *path) {
     bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {
         float s = (float)i / 1500.0f, sine, cosine, value[PALP_MAX_JOINTS] = {0};
-        palp_coupling_result result;
+        palp_node_coupling_result result;
         palp_bounded_report report;
         palp_sincos(6.2831853f * s, &sine, &cosine);
         value[0] = 0.3f * sine;
@@ -146,7 +146,7 @@ int main(int argc, char **argv) {
                                            .damping_max_Ns_per_m = 1.5f,
                                            .damping_Ns_per_m = 0.6f},
                                 .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
-                                .limits = PALP_CONTACT_DEFAULTS,
+                                .limits = PALP_NODE_CONTACT_DEFAULTS,
                                 .cost = {&palp_target_counted, 0.01f, 0.0f, 0.8f},
                                 .port = {.now_ns = still_clock},
                                 .tool = palp_tool_sphere(0.012f)};

@@ -43,7 +43,7 @@ static void set_up(void) {
         files[i] = device_load(names[i]);
         touches[i] = place_body(&blob, &files[i].device, UINT32_MAX);
     }
-    palp_contact_limits limits = PALP_CONTACT_DEFAULTS;
+    palp_node_contact_limits limits = PALP_NODE_CONTACT_DEFAULTS;
     bytes = palp_servo_memsize(&blob, limits);
     memory = allocate_aligned(bytes, 1);
 }
@@ -106,7 +106,7 @@ static void warm_up(uint32_t which, bool resume) {
     static hand_key key[2] = {{0, {0, 0, 0.004}}, {0.2, {0.002, 0, -0.01}}};
     palp_servo_config config = {.device = files[which].device,
                                 .placement = touches[which].placement,
-                                .limits = PALP_CONTACT_DEFAULTS,
+                                .limits = PALP_NODE_CONTACT_DEFAULTS,
                                 .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
                                 .tool = palp_tool_sphere(touches[which].tool_radius_m),
                                 .port = {.now_ns = clock_ns, .context = &now},

@@ -121,13 +121,13 @@ static void test_short_rows(void) {
     reseal(copy);
     CHECK(palp_blob_open(&b, copy, sample.size) == PALP_OK,
           "a blob that understates its rows opens");
-    palp_contact c;
-    size_t bytes = palp_contact_memsize(&b, PALP_CONTACT_DEFAULTS);
+    palp_node_contact c;
+    size_t bytes = palp_node_contact_memsize(&b, PALP_NODE_CONTACT_DEFAULTS);
     palp_tool tool = palp_tool_sphere(0.2f);
-    (void)palp_contact_init(&c, &b, b.rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
+    (void)palp_node_contact_init(&c, &b, b.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
                             allocate_aligned(bytes, 1), bytes);
-    palp_contact_admit(&c, (palp_fresh){.slot = 0});
-    CHECK(c.count == 0 && (c.flags & PALP_CONTACT_CANDIDATES_FULL) != 0,
+    palp_node_contact_admit(&c, (palp_fresh){.slot = 0});
+    CHECK(c.count == 0 && (c.flags & PALP_NODE_CONTACT_CANDIDATES_FULL) != 0,
           "and contact leaves the node out, flagged");
     free(copy);
 }

@@ -7,22 +7,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-static palp_contact open_contact(const palp_blob *b, float radius, palp_contact_limits limits) {
-    palp_contact c;
-    size_t bytes = palp_contact_memsize(b, limits);
+static palp_node_contact open_contact(const palp_blob *b, float radius, palp_node_contact_limits limits) {
+    palp_node_contact c;
+    size_t bytes = palp_node_contact_memsize(b, limits);
     palp_tool *tool = allocate(1, sizeof *tool);
     *tool = palp_tool_sphere(radius);
     palp_status status =
-        palp_contact_init(&c, b, b->rest_m, tool, 1, limits, allocate_aligned(bytes, 1), bytes);
+        palp_node_contact_init(&c, b, b->rest_m, tool, 1, limits, allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
     return c;
 }
 
-static palp_vec3 place(palp_contact *c, palp_vec3 center, palp_grip grip) {
+static palp_vec3 place(palp_node_contact *c, palp_vec3 center, palp_grip grip) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
-    uint32_t n = palp_contact_search(c, &center, fresh);
-    for (uint32_t i = 0; i < n; i++) palp_contact_admit(c, fresh[i]);
-    return palp_contact_solve(c, center, grip);
+    uint32_t n = palp_node_contact_search(c, &center, fresh);
+    for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(c, fresh[i]);
+    return palp_node_contact_solve(c, center, grip);
 }
 
 /*
@@ -30,7 +30,7 @@ static palp_vec3 place(palp_contact *c, palp_vec3 center, palp_grip grip) {
  * sweeps of projected Gauss-Seidel.
  */
 static double reference_force(const baked *b, palp_vec3 center, double radius,
-                              const palp_contact *c, double force[3]) {
+                              const palp_node_contact *c, double force[3]) {
     uint32_t n = 0, node[512];
     static double g[512][512], d[512], lambda[512], push[512][3];
     const double p[3] = {(double)center.x, (double)center.y, (double)center.z};
@@ -82,8 +82,8 @@ static double reference_force(const baked *b, palp_vec3 center, double radius,
 
 static void test_reference(const baked *b) {
     const float radius = 0.45f;
-    palp_contact c =
-        open_contact(&b->blob, radius, (palp_contact_limits){128, 64, 128, 200, false});
+    palp_node_contact c =
+        open_contact(&b->blob, radius, (palp_node_contact_limits){128, 64, 128, 200, false});
     for (int depth = 1; depth <= 4; depth++) {
         palp_vec3 center = {0, 0, 0};
         palp_vec3 force = {0};
@@ -99,23 +99,23 @@ static void test_reference(const baked *b) {
         AT_MOST(worst, 2e-4, "press %d, %u nodes: each nodal force against Gauss-Seidel in double",
                 depth, c.active_count);
         AT_MOST(v_distance(got, exact) / v_norm(exact), 2e-4, "press %d: force on the tool", depth);
-        CHECK((c.flags & (PALP_CONTACT_PIVOTS_SPENT | PALP_CONTACT_ACTIVE_FULL)) == 0,
+        CHECK((c.flags & (PALP_NODE_CONTACT_PIVOTS_SPENT | PALP_NODE_CONTACT_ACTIVE_FULL)) == 0,
               "press %d: solved within its pivots", depth);
-        palp_contact_clear(&c, c.level);
+        palp_node_contact_clear(&c, c.level);
     }
 }
 
 /* One tick of a tool on its spring. */
-static palp_coupling_result couple(palp_coupling *coupling, palp_contact *c, palp_vec3 device) {
+static palp_node_coupling_result couple(palp_node_coupling *coupling, palp_node_contact *c, palp_vec3 device) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
-    palp_coupling_result result;
+    palp_node_coupling_result result;
     palp_vec3 center;
-    palp_coupling_centers(coupling, c, &device, &center);
-    uint32_t n = palp_contact_search(c, &center, fresh);
-    for (uint32_t k = 0; k < n; k++) palp_contact_admit(c, fresh[k]);
-    palp_coupling_begin(coupling, c, &device);
-    while (palp_coupling_step(coupling, c)) {}
-    palp_coupling_end(coupling, c, 0.001f, &result);
+    palp_node_coupling_centers(coupling, c, &device, &center);
+    uint32_t n = palp_node_contact_search(c, &center, fresh);
+    for (uint32_t k = 0; k < n; k++) palp_node_contact_admit(c, fresh[k]);
+    palp_node_coupling_begin(coupling, c, &device);
+    while (palp_node_coupling_step(coupling, c)) {}
+    palp_node_coupling_end(coupling, c, 0.001f, &result);
     return result;
 }
 
@@ -125,10 +125,10 @@ typedef struct {
     uint32_t most_active, flags;
 } loop_result;
 
-static loop_result closed_path(const palp_blob *b, float radius, palp_contact_limits limits,
+static loop_result closed_path(const palp_blob *b, float radius, palp_node_contact_limits limits,
                                float stiffness, int shape, double depth) {
-    palp_contact c = open_contact(b, radius, limits);
-    palp_coupling coupling = {.spring[0].stiffness_N_per_m = stiffness};
+    palp_node_contact c = open_contact(b, radius, limits);
+    palp_node_coupling coupling = {.spring[0].stiffness_N_per_m = stiffness};
     const int steps = 12000;
     loop_result r = {0};
     palp_vec3 last_f = {0}, last_p = {0};
@@ -143,12 +143,12 @@ static loop_result closed_path(const palp_blob *b, float radius, palp_contact_li
         palp_vec3 f;
         double stored;
         if (stiffness > 0) {
-            palp_coupling_result result = couple(&coupling, &c, p);
+            palp_node_coupling_result result = couple(&coupling, &c, p);
             f = result.force_N;
             stored = (double)result.energy_J;
         } else {
             f = place(&c, p, (palp_grip){.held_m = p});
-            stored = (double)palp_contact_energy(&c);
+            stored = (double)palp_node_contact_energy(&c);
         }
         if (i > 0) {
             absorbed -= 0.5 * ((double)(f.x + last_f.x) * (double)(p.x - last_p.x) +
@@ -169,11 +169,11 @@ static loop_result closed_path(const palp_blob *b, float radius, palp_contact_li
 static void test_loops(double epsilon) {
     baked b = model_bake(model_sphere(3), -0.7, epsilon, false, false);
     for (int shape = 0; shape < 3; shape++) {
-        loop_result r = closed_path(&b.blob, 0.4f, PALP_CONTACT_DEFAULTS, 0, shape, 0.5);
+        loop_result r = closed_path(&b.blob, 0.4f, PALP_NODE_CONTACT_DEFAULTS, 0, shape, 0.5);
         AT_MOST(r.given, 1e-4, "epsilon %g, path %d, rigid grip, %u nodes: energy given", epsilon,
                 shape, r.most_active);
         AT_MOST(r.dissipated, 1e-4, "epsilon %g, path %d, rigid grip: energy lost", epsilon, shape);
-        r = closed_path(&b.blob, 0.4f, PALP_CONTACT_DEFAULTS, 3000, shape, 0.8);
+        r = closed_path(&b.blob, 0.4f, PALP_NODE_CONTACT_DEFAULTS, 3000, shape, 0.8);
         AT_MOST(r.given, 1e-4, "epsilon %g, path %d, virtual coupling, %u nodes: energy given",
                 epsilon, shape, r.most_active);
     }
@@ -194,7 +194,7 @@ static void test_pushes(double epsilon, const char *control, uint32_t splits, ui
         uint32_t where = 0, pushes = 0;
         for (uint32_t node = 0; node < b.m.vertices; node += every) {
             if (b.fixed[node] != 0) continue;
-            palp_contact c = open_contact(&b.blob, size * edge, PALP_CONTACT_DEFAULTS);
+            palp_node_contact c = open_contact(&b.blob, size * edge, PALP_NODE_CONTACT_DEFAULTS);
             palp_vec3 x = palp_vec3_at(b.blob.rest_m + 3 * node),
                       n = palp_vec3_at(b.blob.normal + 3 * node);
             palp_vec3 last_f = {0}, last_p = {0};
@@ -206,7 +206,7 @@ static void test_pushes(double epsilon, const char *control, uint32_t splits, ui
                 palp_vec3 f = place(&c, p, (palp_grip){.held_m = p});
                 if (i > 0)
                     absorbed -= 0.5 * (double)palp_dot(palp_add(f, last_f), palp_sub(p, last_p));
-                stored = fmax(stored, (double)palp_contact_energy(&c));
+                stored = fmax(stored, (double)palp_node_contact_energy(&c));
                 last_f = f;
                 last_p = p;
             }
@@ -227,25 +227,25 @@ static void test_pushes(double epsilon, const char *control, uint32_t splits, ui
 /* Whatever a capacity leaves out must not push when room comes back. */
 static void test_capacities(const baked *b) {
     loop_result r =
-        closed_path(&b->blob, 0.4f, (palp_contact_limits){24, 6, 2, 8, false}, 0, 1, 0.8);
-    CHECK((r.flags & PALP_CONTACT_ACTIVE_FULL) != 0,
+        closed_path(&b->blob, 0.4f, (palp_node_contact_limits){24, 6, 2, 8, false}, 0, 1, 0.8);
+    CHECK((r.flags & PALP_NODE_CONTACT_ACTIVE_FULL) != 0,
           "six active nodes are too few for this path, and that is reported");
     AT_MOST(r.given, 1e-3, "with capacities exceeded: energy given");
-    palp_contact c;
+    palp_node_contact c;
     palp_tool tool = palp_tool_sphere(0.1f), bad = palp_tool_sphere(-1);
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, (palp_contact_limits){0}, NULL,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, (palp_node_contact_limits){0}, NULL,
                             0) == PALP_ERR_LIMITS,
           "limits of zero are refused");
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_CONTACT_DEFAULTS, NULL,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS, NULL,
                             0) == PALP_ERR_ARGUMENT,
           "a negative radius is refused");
     bad = tool;
     bad.friction = 0.5f;
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_CONTACT_DEFAULTS, NULL,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS, NULL,
                             0) == PALP_ERR_ARGUMENT,
           "friction without the memory for it is refused");
-    size_t bytes = palp_contact_memsize(&b->blob, PALP_CONTACT_DEFAULTS);
-    CHECK(palp_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, PALP_CONTACT_DEFAULTS,
+    size_t bytes = palp_node_contact_memsize(&b->blob, PALP_NODE_CONTACT_DEFAULTS);
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
                             allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
           "one byte too few is refused");
 }

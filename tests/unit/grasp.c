@@ -26,11 +26,11 @@ static zoned make_chain(uint32_t n) {
                        0);
 }
 
-static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
-                                  palp_contact_limits limits) {
-    palp_contact *c = allocate(1, sizeof *c);
-    size_t bytes = palp_contact_memsize_zones(a->zones, a->seams.finest, limits);
-    if (palp_contact_init_zones(c, a, pairs, tool, 1, limits, allocate_aligned(bytes, 1), bytes) !=
+static palp_node_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
+                                  palp_node_contact_limits limits) {
+    palp_node_contact *c = allocate(1, sizeof *c);
+    size_t bytes = palp_node_contact_memsize_zones(a->zones, a->seams.finest, limits);
+    if (palp_node_contact_init_zones(c, a, pairs, tool, 1, limits, allocate_aligned(bytes, 1), bytes) !=
         PALP_OK)
         die(EXIT_WORK, "contact");
     return c;
@@ -102,19 +102,19 @@ static void test_reciprocity(const zoned *model) {
 }
 
 /* Brings all candidates in for a tool at `at`, solves with a rigid grip. */
-static palp_vec3 press(palp_contact *c, palp_vec3 at) {
+static palp_vec3 press(palp_node_contact *c, palp_vec3 at) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
-    palp_contact_follow(c);
-    uint32_t n = palp_contact_search(c, &at, fresh);
-    for (uint32_t i = 0; i < n; i++) palp_contact_admit(c, fresh[i]);
-    return palp_contact_solve(c, at, (palp_grip){at, 0.0f});
+    palp_node_contact_follow(c);
+    uint32_t n = palp_node_contact_search(c, &at, fresh);
+    for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(c, fresh[i]);
+    return palp_node_contact_solve(c, at, (palp_grip){at, 0.0f});
 }
 
 /* g of the contact against unit forces through the seams' full solution. */
 static void test_compliance(const zoned *model) {
     palp_assembly *a = model_assembly(model->zones, FINEST);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_contact *c = open_contact(a, false, &tool, (palp_contact_limits){96, 48, 32, 60, false});
+    palp_node_contact *c = open_contact(a, false, &tool, (palp_node_contact_limits){96, 48, 32, 60, false});
     const float value[PALP_MAX_JOINTS] = {-0.2f, 0.1f};
     pose(a, value);
     for (uint32_t n = 0; n < 12; n++) {
@@ -129,7 +129,7 @@ static void test_compliance(const zoned *model) {
         for (uint32_t j = 0; j <= i; j++) {
             const palp_candidate *q = &c->candidate[j];
             double g = response(a, p->body, p->slot, p->d, q->body, q->slot, q->d);
-            worst = fmax(worst, fabs(g - (double)palp_contact_g(c, i, j)));
+            worst = fmax(worst, fabs(g - (double)palp_node_contact_g(c, i, j)));
             most = fmax(most, fabs(g));
         }
     }
@@ -141,9 +141,9 @@ static void test_compliance(const zoned *model) {
 /* ---- energy ---- */
 
 /* Bending of the seams and contact together. */
-static double energy(palp_assembly *a, const palp_contact *c) {
+static double energy(palp_assembly *a, const palp_node_contact *c) {
     double bent = (double)palp_seams_energy(&a->seams, a->posture, a->seams.finest, a->w);
-    return bent + (c != NULL ? (double)palp_contact_energy(c) : 0);
+    return bent + (c != NULL ? (double)palp_node_contact_energy(c) : 0);
 }
 
 /* The moments that the seams exert on the links are what the stored energy changes by. */
@@ -191,7 +191,7 @@ typedef struct {
 static path_work go_round(const zoned *model, uint32_t steps, uint32_t level) {
     palp_assembly *a = model_assembly(model->zones, level);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_contact *c = open_contact(a, false, &tool, (palp_contact_limits){96, 60, 40, 90, false});
+    palp_node_contact *c = open_contact(a, false, &tool, (palp_node_contact_limits){96, 60, 40, 90, false});
     path_work r = {.hand_J = 0};
     palp_vec3 last_at = {0.0f, 0.0f, 0.0f};
     double last_J = 0, first_J = 0;
@@ -246,14 +246,14 @@ static void test_closed_path(const zoned *model, uint32_t level) {
 /* ---- zones before zones ---- */
 
 /* Forces of the pairs on each zone, and the largest penetration that is left. */
-static double pair_forces(const palp_contact *c, palp_vec3 *on, uint32_t *pairs) {
+static double pair_forces(const palp_node_contact *c, palp_vec3 *on, uint32_t *pairs) {
     double deepest = 0;
     *pairs = 0;
     for (uint32_t z = 0; z < 3; z++) on[z] = (palp_vec3){0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
         if (k->tool != PALP_ZONE_TOOL) continue;
-        double left = (double)(k->at.depth_m - k->relief_m - palp_contact_indentation(c, i));
+        double left = (double)(k->at.depth_m - k->relief_m - palp_node_contact_indentation(c, i));
         deepest = fmax(deepest, left);
         if (!c->candidate[i].active) continue;
         (*pairs)++;
@@ -282,7 +282,7 @@ static void test_pairs(void) {
     remove(labels);
     palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
-    palp_contact *c = open_contact(a, true, &tool, (palp_contact_limits){96, 48, 16, 90, false});
+    palp_node_contact *c = open_contact(a, true, &tool, (palp_node_contact_limits){96, 48, 16, 90, false});
     palp_vec3 on[3], far = {1.0f, 1.0f, 1.0f};
     uint32_t pairs = 0, before = 0;
     double deepest = 0, force[2] = {0}, jump = 0, last = 0;
@@ -354,7 +354,7 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
         palp_sincos(25.132741f * s, &one, &two);
         const float value[PALP_MAX_JOINTS] = {0.3f * sine, 0.2f * one};
         palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
-        palp_coupling_result result;
+        palp_node_coupling_result result;
         palp_bounded_report report;
         uint64_t start = now_ns(&clock) - (uint64_t)(tardy_us * 1e3);
         palp_bounded_pose(b, value, &rest);

@@ -119,19 +119,19 @@ static double least_pivot(const palp_blob *b, uint32_t level) {
 /* A set of two levels: its normal compliances against R G R^T in double, and that it is positive
  * definite. */
 static void test_mixed(const baked *b) {
-    const palp_contact_limits limits = {120, 120, 120, 1, false};
+    const palp_node_contact_limits limits = {120, 120, 120, 1, false};
     const palp_domain *d = &b->blob.domain[PALP_FREE];
     palp_tool tool = palp_tool_sphere(2.0f);
-    palp_contact c;
-    size_t bytes = palp_contact_memsize(&b->blob, limits);
-    (void)palp_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, limits,
+    palp_node_contact c;
+    size_t bytes = palp_node_contact_memsize(&b->blob, limits);
+    (void)palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, limits,
                             allocate_aligned(bytes, 1), bytes);
-    palp_contact_clear_mixed(&c, 2, 1, 0.3f);
+    palp_node_contact_clear_mixed(&c, 2, 1, 0.3f);
     palp_vec3 at = {0.05f, 0.02f, 2.7f};
     palp_fresh fresh[PALP_MAX_CANDIDATES];
     for (int tick = 0; tick < 12; tick++) {
-        uint32_t n = palp_contact_search(&c, &at, fresh);
-        for (uint32_t i = 0; i < n; i++) palp_contact_admit(&c, fresh[i]);
+        uint32_t n = palp_node_contact_search(&c, &at, fresh);
+        for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(&c, fresh[i]);
     }
     uint32_t fine = 0, coarse = 0, active = 0;
     double *left = allocate(d->slots, sizeof *left), *right = allocate(d->slots, sizeof *right);
@@ -139,7 +139,7 @@ static void test_mixed(const baked *b) {
     for (uint32_t i = 0; i < c.count; i++) {
         fine += c.candidate[i].level == 2;
         coarse += c.candidate[i].level == 1;
-        active += palp_contact_let_in(&c, i);
+        active += palp_node_contact_let_in(&c, i);
         for (uint32_t j = 0; j <= i; j++) {
             double g[9], exact = 0;
             hierarchy_spread(&b->d.h, c.candidate[i].level, c.candidate[i].slot, left);
@@ -148,7 +148,7 @@ static void test_mixed(const baked *b) {
             for (size_t e = 0; e < 9; e++)
                 exact += b->normal[c.candidate[i].node][e / 3] * g[e] *
                          b->normal[c.candidate[j].node][e % 3];
-            worst = fmax(worst, fabs((double)palp_contact_g(&c, i, j) - exact) / largest_entry(g));
+            worst = fmax(worst, fabs((double)palp_node_contact_g(&c, i, j) - exact) / largest_entry(g));
         }
     }
     CHECK(fine > 5 && coarse > 5 && active == c.count,
@@ -214,7 +214,7 @@ static uint32_t covered(const palp_blob *b, const palp_tool *tool, palp_vec3 at)
 }
 
 static press_result press(const palp_blob *blob, const palp_tool *tool, float above, double depth,
-                          double ns, palp_contact_limits limits) {
+                          double ns, palp_node_contact_limits limits) {
     palp_bounded b;
     work_clock clock = {&b, ns};
     palp_bounded_config config = {.blob = blob,
@@ -236,7 +236,7 @@ static press_result press(const palp_blob *blob, const palp_tool *tool, float ab
     for (int i = 0; i <= steps; i++) {
         double down = depth * (1 - cos(6.283185307179586 * i / steps)) / 2;
         palp_vec3 p = {0.013f, 0.007f, above + 0.004f - (float)down};
-        palp_coupling_result result;
+        palp_node_coupling_result result;
         palp_bounded_report report;
         uint64_t start = by_work(&clock);
         palp_bounded_tick(&b, start, &p, &result, &report);
@@ -275,7 +275,7 @@ static press_result press(const palp_blob *blob, const palp_tool *tool, float ab
 }
 
 static void expect_press(const palp_blob *blob, const char *name, const palp_tool *tool,
-                         float above, double depth, double ns, palp_contact_limits limits,
+                         float above, double depth, double ns, palp_node_contact_limits limits,
                          uint32_t nodes) {
     press_result r = press(blob, tool, above, depth, ns, limits);
     CHECK(r.most_covered >= nodes && r.late == 0,
@@ -299,7 +299,7 @@ static void test_press(void) {
                                      .half_m = {1.2f, 1.2f},
                                      .edge_m = 0.3f}};
     const palp_tool ball = palp_tool_sphere(2), small = palp_tool_sphere(0.5f);
-    const palp_contact_limits forty = {160, 40, 6, 12, false};
+    const palp_node_contact_limits forty = {160, 40, 6, 12, false};
     expect_press(&b.blob, "a flat plate", &plate, 1, 0.42, 0.6, forty, 400);
     expect_press(&b.blob, "a ball of radius 2", &ball, 3, 0.42, 0.6, forty, 300);
     expect_press(&b.blob, "a plate on a slow machine", &plate, 1, 0.42, 2.5, forty, 400);

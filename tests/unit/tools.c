@@ -8,41 +8,41 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LIMITS ((palp_contact_limits){96, 48, 8, 40, true})
+#define LIMITS ((palp_node_contact_limits){96, 48, 8, 40, true})
 
 typedef struct {
-    palp_contact contact;
-    palp_coupling coupling;
+    palp_node_contact contact;
+    palp_node_coupling coupling;
     palp_tool tool[PALP_MAX_TOOLS];
-    palp_coupling_result result[PALP_MAX_TOOLS];
+    palp_node_coupling_result result[PALP_MAX_TOOLS];
     void *memory;
 } rig;
 
 static void start(rig *r, const palp_blob *b, uint32_t tools, float stiffness) {
-    size_t bytes = palp_contact_memsize(b, LIMITS);
+    size_t bytes = palp_node_contact_memsize(b, LIMITS);
     r->memory = allocate_aligned(bytes, 1);
     palp_status status =
-        palp_contact_init(&r->contact, b, b->rest_m, r->tool, tools, LIMITS, r->memory, bytes);
+        palp_node_contact_init(&r->contact, b, b->rest_m, r->tool, tools, LIMITS, r->memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
-    palp_coupling_reset(&r->coupling);
+    palp_node_coupling_reset(&r->coupling);
     for (uint32_t t = 0; t < tools; t++) r->coupling.spring[t].stiffness_N_per_m = stiffness;
 }
 
 static void tick(rig *r, const palp_vec3 *device) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
     palp_vec3 center[PALP_MAX_TOOLS];
-    palp_coupling_centers(&r->coupling, &r->contact, device, center);
-    uint32_t n = palp_contact_search(&r->contact, center, fresh);
-    for (uint32_t k = 0; k < n; k++) palp_contact_admit(&r->contact, fresh[k]);
-    palp_coupling_begin(&r->coupling, &r->contact, device);
-    while (palp_coupling_step(&r->coupling, &r->contact)) {}
-    palp_coupling_end(&r->coupling, &r->contact, 0.001f, r->result);
+    palp_node_coupling_centers(&r->coupling, &r->contact, device, center);
+    uint32_t n = palp_node_contact_search(&r->contact, center, fresh);
+    for (uint32_t k = 0; k < n; k++) palp_node_contact_admit(&r->contact, fresh[k]);
+    palp_node_coupling_begin(&r->coupling, &r->contact, device);
+    while (palp_node_coupling_step(&r->coupling, &r->contact)) {}
+    palp_node_coupling_end(&r->coupling, &r->contact, 0.001f, r->result);
 }
 
 /* ---- friction ---- */
 
 /* Tangential compliance along x of the patch as loaded now, from the dense matrix in double. */
-static double patch_compliance(const baked *b, const palp_contact *c) {
+static double patch_compliance(const baked *b, const palp_node_contact *c) {
     double sum = 0, total = 0;
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_candidate *p = &c->candidate[c->active[a]];
@@ -118,11 +118,11 @@ static void test_stick_slip(const baked *b) {
         double x = 0.5 + 0.03 * wave;
         palp_vec3 device = {(float)x, 0.5f, 1 - 0.01f * (float)fmin(i / 150.0, 1)};
         tick(&r, &device);
-        const palp_friction *f = &r.coupling.spring[0].friction;
+        const palp_node_friction *f = &r.coupling.spring[0].friction;
         double force = (double)f->force_N.x;
         if (i >= 200) {
             palp_vec3 axis;
-            double normal = (double)palp_contact_normal_force(&r.contact, 0, &axis);
+            double normal = (double)palp_node_contact_normal_force(&r.contact, 0, &axis);
             exact -= (x - last_x) / (patch_compliance(b, &r.contact) + 1 / (double)k);
             exact = fmax(-(double)mu * normal, fmin((double)mu * normal, exact));
             worst = fmax(worst, fabs(force - exact));
@@ -287,23 +287,23 @@ static void test_two_tools(const baked *b) {
 
 /* ---- a point under a pressure mask ---- */
 
-static palp_vec3 touch_point(palp_point *p, palp_contact *c, palp_vec3 at, palp_grip grip,
+static palp_vec3 touch_point(palp_point *p, palp_node_contact *c, palp_vec3 at, palp_grip grip,
                              palp_vec3 from) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
     palp_vec3 center = palp_point_center(p, c, at);
-    uint32_t n = palp_contact_search(c, &center, fresh);
-    for (uint32_t k = 0; k < n; k++) palp_contact_admit(c, fresh[k]);
+    uint32_t n = palp_node_contact_search(c, &center, fresh);
+    for (uint32_t k = 0; k < n; k++) palp_node_contact_admit(c, fresh[k]);
     return palp_point_solve(p, c, from, grip);
 }
 
 static void test_point(const baked *b) {
-    const palp_contact_limits limits = {160, 1, 160, 1, false};
+    const palp_node_contact_limits limits = {160, 1, 160, 1, false};
     const float edge = b->blob.meta->mean_edge_m;
     palp_tool mask = palp_tool_sphere(3 * edge);
-    palp_contact c;
+    palp_node_contact c;
     static palp_point p;
-    size_t bytes = palp_contact_memsize(&b->blob, limits);
-    (void)palp_contact_init(&c, &b->blob, b->blob.rest_m, &mask, 1, limits,
+    size_t bytes = palp_node_contact_memsize(&b->blob, limits);
+    (void)palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &mask, 1, limits,
                             allocate_aligned(bytes, 1), bytes);
     /* The force against differences of the energy. */
     double worst = 0, largest = 0;

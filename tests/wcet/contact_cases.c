@@ -4,12 +4,12 @@
 /* An episode: who touches, with what room, and how it moves. */
 typedef struct {
     const palp_blob *blob;
-    palp_contact_limits limits;
+    palp_node_contact_limits limits;
     palp_tool tool[PALP_MAX_TOOLS];
     uint32_t tools;
     float stiffness_N_per_m;
     palp_ladder ladder;
-    palp_coupling coupling;
+    palp_node_coupling coupling;
     palp_vec3 at[PALP_MAX_TOOLS];
     palp_touch_cost *unit; /* [PALP_WORKS] bounds at unit prices */
     cases *c;
@@ -144,24 +144,24 @@ static void move(episode *e, dice *d, uint32_t style, uint32_t tick) {
 /* ---- one tick, step by step ---- */
 
 static void count_search(episode *e, palp_fresh *fresh, uint32_t *found) {
-    palp_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = palp_ladder_contact(&e->ladder);
     palp_vec3 around[PALP_MAX_TOOLS];
     step s = {.rung = e->ladder.at[e->ladder.rung], .count = c->count, .active = c->active_count};
-    palp_coupling_centers(&e->coupling, c, e->at, around);
+    palp_node_coupling_centers(&e->coupling, c, e->at, around);
     uint64_t before = instructions();
-    *found = palp_contact_search(c, around, fresh);
+    *found = palp_node_contact_search(c, around, fresh);
     uint64_t after = instructions();
     tell(e, "search", 2u * s.rung.level + (s.rung.outer < s.rung.level), of_search, &s,
          after - before);
 }
 
 static void count_admissions(episode *e, const palp_fresh *fresh, uint32_t found) {
-    palp_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = palp_ladder_contact(&e->ladder);
     for (uint32_t i = 0; i < found; i++) {
         step s = {
             .rung = e->ladder.at[e->ladder.rung], .count = c->count, .active = c->active_count};
         uint64_t before = instructions();
-        palp_contact_admit(c, fresh[i]);
+        palp_node_contact_admit(c, fresh[i]);
         uint64_t after = instructions();
         tell(e, "admit", 2u * s.rung.level + (s.rung.outer < s.rung.level), of_admit, &s,
              after - before);
@@ -169,17 +169,17 @@ static void count_admissions(episode *e, const palp_fresh *fresh, uint32_t found
 }
 
 static void count_solves(episode *e) {
-    palp_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = palp_ladder_contact(&e->ladder);
     bool more = true;
     while (more) {
         uint32_t solves = e->coupling.solves;
         step s = {.count = c->count,
                   .active = c->active_count,
                   .begins = !e->coupling.solving,
-                  .due = c->changes >= PALP_CONTACT_REFACTOR};
+                  .due = c->changes >= PALP_NODE_CONTACT_REFACTOR};
         bool full = c->pivots_now == c->limits.max_pivots && !s.begins;
         uint64_t before = instructions();
-        more = palp_coupling_step(&e->coupling, c);
+        more = palp_node_coupling_step(&e->coupling, c);
         uint64_t after = instructions();
         s.out = c->active_count < s.active;
         s.in = !s.out && !full;
@@ -206,8 +206,8 @@ static void count_levels(episode *e, dice *d, palp_fresh *fresh) {
         tell(e, "drop", level, of_change, &s, after - before);
     } else if (l->rung + 1u < l->rungs && active > 0u) {
         uint32_t missing = palp_ladder_prepare(l, tool_m, fresh);
-        palp_contact *next = palp_ladder_other(l);
-        for (uint32_t i = 0; i < missing; i++) palp_contact_admit(next, fresh[i]);
+        palp_node_contact *next = palp_ladder_other(l);
+        for (uint32_t i = 0; i < missing; i++) palp_node_contact_admit(next, fresh[i]);
         if (missing > 0u) return;
         step s = {.rung = l->at[l->rung + 1u], .active = active, .load = next->count};
         uint64_t before = instructions();
@@ -219,21 +219,21 @@ static void count_levels(episode *e, dice *d, palp_fresh *fresh) {
 }
 
 static void one_tick(episode *e, dice *d, palp_fresh *fresh) {
-    palp_coupling_result result[PALP_MAX_TOOLS];
+    palp_node_coupling_result result[PALP_MAX_TOOLS];
     palp_vec3 around[PALP_MAX_TOOLS];
     uint32_t found;
     count_search(e, fresh, &found);
     count_admissions(e, fresh, found);
-    palp_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = palp_ladder_contact(&e->ladder);
     step s = {.active = c->active_count};
     uint64_t before = instructions();
-    palp_coupling_centers(&e->coupling, c, e->at, around);
-    palp_coupling_begin(&e->coupling, c, e->at);
+    palp_node_coupling_centers(&e->coupling, c, e->at, around);
+    palp_node_coupling_begin(&e->coupling, c, e->at);
     uint64_t begun = instructions() - before;
     count_solves(e);
     s.active = c->active_count > s.active ? c->active_count : s.active;
     before = instructions();
-    palp_coupling_end(&e->coupling, c, 1e-3f, result);
+    palp_node_coupling_end(&e->coupling, c, 1e-3f, result);
     palp_ladder_relax(&e->ladder, 1e-3f);
     uint64_t after = instructions();
     tell(e, "leave", 0, of_leave, &s, begun + after - before);
@@ -249,8 +249,8 @@ static void price_units(episode *e) {
     }
 }
 
-static palp_contact_limits choose_limits(dice *d) {
-    static const palp_contact_limits some[5] = {{96, 48, 4, 12, false},
+static palp_node_contact_limits choose_limits(dice *d) {
+    static const palp_node_contact_limits some[5] = {{96, 48, 4, 12, false},
                                                 {40, 24, 4, 12, false},
                                                 {160, 80, 6, 16, false},
                                                 {16, 8, 2, 6, false},
@@ -272,7 +272,7 @@ static void run_episode(cases *c, const palp_blob *blob, uint64_t seed) {
     uint32_t style = dice_below(&d, 4);
     palp_status status = palp_ladder_init(&e->ladder, blob, blob->rest_m, e->tool, e->tools,
                                           e->limits, memory, bytes);
-    palp_coupling_reset(&e->coupling);
+    palp_node_coupling_reset(&e->coupling);
     for (uint32_t t = 0; t < PALP_MAX_TOOLS; t++)
         e->coupling.spring[t].stiffness_N_per_m =
             blob->meta->stiffness_max_N_per_m * (0.02f + 0.2f * (1.0f + dice_float(&d)));

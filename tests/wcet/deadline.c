@@ -73,7 +73,7 @@ int main(int argc, char **argv) {
 #else
     const palp_target *target = &palp_target_counted;
 #endif
-    const palp_contact_limits limits = {24, 12, 4, 12, false};
+    const palp_node_contact_limits limits = {24, 12, 4, 12, false};
     static trial t;
     float edge = blob.meta->mean_edge_m, least_ns = 0.0f;
     t.tool = palp_tool_sphere(4.0f * edge);
@@ -120,7 +120,7 @@ int main(int argc, char **argv) {
         t.bounded.coupling.pivots = 0; /* not of the tick before */
         t.leap_at = dice_below(&d, 24);
         t.left_over = 1e-3f * (float)dice_below(&d, 50);
-        palp_coupling_result result;
+        palp_node_coupling_result result;
         palp_bounded_report r;
         uint64_t start = now_ns(&t);
         uint32_t drops = t.bounded.ladder.dropped;

@@ -59,7 +59,7 @@ static void tell(session *s, const char *name, uint32_t level, tick_bound bound,
     cases_tell(s->c, name, level, answer, &q, counted);
 }
 
-static session *open_session(cases *c, const palp_blob *blob, palp_contact_limits limits,
+static session *open_session(cases *c, const palp_blob *blob, palp_node_contact_limits limits,
                              float ball_m) {
     session *s = cases_take(c, sizeof *s);
     *s = (session){.blob = blob,
@@ -108,7 +108,7 @@ static void servo_tick(session *s, const float q[PALP_AXES], uint32_t frames) {
     s->config.port.now_ns(s);
 }
 
-static void servo_session(cases *c, const palp_blob *blob, dice *d, palp_contact_limits limits,
+static void servo_session(cases *c, const palp_blob *blob, dice *d, palp_node_contact_limits limits,
                           uint32_t ticks) {
     size_t used = c->used;
     float edge = blob->meta->mean_edge_m;
@@ -125,7 +125,7 @@ static void servo_session(cases *c, const palp_blob *blob, dice *d, palp_contact
 
 /* ---- the bounded answer alone, hunted ---- */
 
-static const palp_contact_limits rooms[4] = {
+static const palp_node_contact_limits rooms[4] = {
     {96, 48, 4, 12, false}, {40, 24, 4, 12, false}, {16, 8, 2, 6, false}, {48, 32, 4, 12, true}};
 
 /* The limits of a tick alone, without the servo around it. */
@@ -187,7 +187,7 @@ static void hunt_in_room(cases *c, const palp_blob *blob, dice *d, uint32_t room
 /* What palp_bounded_tick does between two steps. */
 static void quantum_cases(cases *c, const palp_blob *blob) {
     size_t used = c->used;
-    session *s = open_session(c, blob, PALP_CONTACT_DEFAULTS, blob->meta->mean_edge_m);
+    session *s = open_session(c, blob, PALP_NODE_CONTACT_DEFAULTS, blob->meta->mean_edge_m);
     const tick_done d = {.frames = 0};
     volatile float sum = 0.0f;
     for (uint32_t i = 0; i < 16u && s != NULL; i++) {

@@ -47,7 +47,7 @@ static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
     static double cost[TICKS];
     const float edge = blob->meta->mean_edge_m, radius = 4.0f * edge;
     const palp_tool tool = palp_tool_sphere(radius);
-    const palp_contact_limits limits = {48, 24, 4, 12, false};
+    const palp_node_contact_limits limits = {48, 24, 4, 12, false};
     const palp_bounded_config config = {.blob = blob,
                                         .tools = &tool,
                                         .tool_count = 1,
@@ -73,7 +73,7 @@ static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
         if (i > 400 && kind == 1) b.coupling.spring[0].stiffness_N_per_m = 1e-38f;
         if (i > 400 && kind == 2) at.x += 1e-41f * (float)(i % 7);
         if (i > 400 && kind == 3) at.x += i % 3 == 0 ? 1e30f : i % 3 == 1 ? -1e30f : 0.0f;
-        palp_coupling_result result;
+        palp_node_coupling_result result;
         palp_bounded_report r;
         double before = cost_now();
         palp_bounded_tick(&b, 0, &at, &result, &r);

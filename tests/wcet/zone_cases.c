@@ -5,7 +5,7 @@
 typedef struct {
     palp_zones zones;
     palp_assembly assembly;
-    palp_contact contact;
+    palp_node_contact contact;
     palp_tool tool;
     palp_touch_cost unit[PALP_WORKS];
 } grip;
@@ -71,8 +71,8 @@ static void one_posture(cases *c, grip *g, dice *d, palp_fresh *fresh) {
     after = instructions();
     tell(c, g, "settle", of_settle, a->level, after - before);
     before = instructions();
-    palp_contact_load(&g->contact, a);
-    palp_contact_follow(&g->contact);
+    palp_node_contact_load(&g->contact, a);
+    palp_node_contact_follow(&g->contact);
     after = instructions();
     tell(c, g, "follow", of_follow, a->level, after - before);
     uint32_t zone = dice_below(d, g->zones.meta->zones);
@@ -81,14 +81,14 @@ static void one_posture(cases *c, grip *g, dice *d, palp_fresh *fresh) {
     palp_vec3 at = palp_madd(palp_assembly_place(a, zone, node), 0.7f * g->tool.ball[0].radius_m,
                              palp_assembly_normal(a, zone, node));
     for (uint32_t k = 0; k < 6u; k++) {
-        uint32_t n = palp_contact_search(&g->contact, &at, fresh);
-        for (uint32_t i = 0; i < n; i++) palp_contact_admit(&g->contact, fresh[i]);
-        (void)palp_contact_solve(&g->contact, at, (palp_grip){at, 300.0f});
+        uint32_t n = palp_node_contact_search(&g->contact, &at, fresh);
+        for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(&g->contact, fresh[i]);
+        (void)palp_node_contact_solve(&g->contact, at, (palp_grip){at, 300.0f});
     }
 }
 
 void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uint32_t rounds) {
-    const palp_contact_limits limits = {40, 24, 4, 12, false};
+    const palp_node_contact_limits limits = {40, 24, 4, 12, false};
     dice d = {seed};
     size_t used = c->used;
     grip *g = cases_take(c, sizeof *g);
@@ -105,8 +105,8 @@ void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uin
             g->unit[k] =
                 palp_touch_cost_of_zones(&g->zones, finest, true, limits, &g->tool, 1, &price);
         }
-        room = palp_contact_memsize_zones(&g->zones, finest, limits);
-        if (palp_contact_init_zones(&g->contact, &g->assembly, true, &g->tool, 1, limits,
+        room = palp_node_contact_memsize_zones(&g->zones, finest, limits);
+        if (palp_node_contact_init_zones(&g->contact, &g->assembly, true, &g->tool, 1, limits,
                                     cases_take(c, room), room) != PALP_OK)
             break;
         for (uint32_t i = 0; i < rounds; i++) one_posture(c, g, &d, fresh);

@@ -12,8 +12,8 @@
  * along its third axis. A sphere's depth goes over into a cone beyond PALP_TOOL_BETA of its radius,
  * so that it stays defined for every node.
  */
-#ifndef PALP_TOUCH_TOOL_H
-#define PALP_TOUCH_TOOL_H
+#ifndef PALP_CONTACT_TOOL_H
+#define PALP_CONTACT_TOOL_H
 
 #include "core/base/real.h"
 #include <stddef.h>
@@ -56,6 +56,13 @@ typedef struct {
     palp_vec3 push; /* minus the gradient of the depth with respect to the tool's position */
 } palp_touch;
 
+/* How far a place is from the tool's surface (below 0: inside), and the direction in which that
+ * grows fastest: unit, out of the tool. */
+typedef struct {
+    float gap_m;
+    palp_vec3 normal;
+} palp_gap;
+
 /* A sphere about the reference point. */
 palp_tool palp_tool_sphere(float radius_m);
 
@@ -68,6 +75,13 @@ float palp_tool_size(const palp_tool *tool);
 /* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,
  * 120 for a cylinder, 160 for a pad. */
 palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n);
+
+/* The gap at x of the tool at c: a distance for balls and cylinders; for a pad the height over the
+ * face divided by its slope, whatever lies behind the face being inside. Costs as palp_tool_at. */
+palp_gap palp_tool_gap(const palp_tool *tool, palp_vec3 c, palp_vec3 x);
+
+/* Radius about the reference point within which the surface that touches lies (m). */
+float palp_tool_extent(const palp_tool *tool);
 
 /* A point of the tool at c near which the surface is looked for: centres of balls, or of the face;
  * `k` counts round. */

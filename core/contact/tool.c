@@ -201,6 +201,83 @@ palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_ve
     return touch;
 }
 
+static palp_gap gap_of_ball(const palp_ball *ball, palp_vec3 c, palp_vec3 x) {
+    palp_vec3 r = palp_sub(palp_sub(x, c), ball->center_m);
+    float distance = palp_norm(r);
+    palp_vec3 up = {0.0f, 0.0f, 1.0f};
+    return (palp_gap){distance - ball->radius_m,
+                      distance > 0.0f ? palp_scale(1.0f / distance, r) : up};
+}
+
+/* min(a, b), rounded off over `width` where they are close. */
+static palp_gap nearer(palp_gap a, palp_gap b, float width) {
+    palp_gap low = a.gap_m <= b.gap_m ? a : b, high = a.gap_m <= b.gap_m ? b : a;
+    float between = high.gap_m - low.gap_m;
+    if (between >= width) return low;
+    float share = 0.5f * (width - between) / width;
+    low.gap_m -= 0.5f * (width - between) * share;
+    palp_vec3 n = palp_madd(low.normal, share, palp_sub(high.normal, low.normal));
+    low.normal = palp_scale(1.0f / palp_max(palp_norm(n), 0.05f), n);
+    return low;
+}
+
+/* A cylinder with rounded rims: distance from the inner cylinder, less the rim's radius. */
+static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 c, palp_vec3 x) {
+    palp_vec3 r = palp_sub(x, c);
+    float z = palp_dot(r, y->axis), rim = palp_min(y->rim_m, y->radius_m);
+    palp_vec3 across = palp_madd(r, -z, y->axis);
+    float distance = palp_norm(across), side = z >= 0.0f ? 1.0f : -1.0f;
+    palp_vec3 radial = distance > 0.0f ? palp_scale(1.0f / distance, across) : (palp_vec3){0};
+    palp_vec3 along = palp_scale(side, y->axis);
+    float out = distance - (y->radius_m - rim), over = palp_abs(z) - y->half_m;
+    if (out > 0.0f && over > 0.0f) {
+        float d = palp_sqrt(out * out + over * over);
+        return (palp_gap){d - rim, palp_madd(palp_scale(out / d, radial), over / d, along)};
+    }
+    return out >= over ? (palp_gap){out - rim, radial} : (palp_gap){over - rim, along};
+}
+
+static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 c, palp_vec3 x) {
+    palp_vec3 r = palp_sub(x, c);
+    float gradient[2];
+    float height =
+        face_height(p, palp_dot(r, p->axis[0]), palp_dot(r, p->axis[1]), gradient);
+    float slope = palp_sqrt(1.0f + gradient[0] * gradient[0] + gradient[1] * gradient[1]);
+    palp_vec3 n = palp_madd(p->axis[2], -gradient[0], p->axis[0]);
+    n = palp_madd(n, -gradient[1], p->axis[1]);
+    return (palp_gap){(palp_dot(r, p->axis[2]) - height) / slope, palp_scale(1.0f / slope, n)};
+}
+
+palp_gap palp_tool_gap(const palp_tool *tool, palp_vec3 c, palp_vec3 x) {
+    if (is_cylinder(tool)) return gap_of_cylinder(&tool->cylinder, c, x);
+    if (tool->balls == 0u) return gap_of_pad(&tool->pad, c, x);
+    palp_gap gap = gap_of_ball(&tool->ball[0], c, x);
+    for (uint32_t i = 1; i < tool->balls; i++) {
+        float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
+        gap = nearer(gap, gap_of_ball(&tool->ball[i], c, x), width);
+    }
+    return gap;
+}
+
+float palp_tool_extent(const palp_tool *tool) {
+    const palp_cylinder *y = &tool->cylinder;
+    const palp_pad *p = &tool->pad;
+    if (is_cylinder(tool)) {
+        float half = y->half_m + y->rim_m;
+        return palp_sqrt(half * half + y->radius_m * y->radius_m);
+    }
+    if (tool->balls == 0u) {
+        float u = p->half_m[0] + p->edge_m, v = p->half_m[1] + p->edge_m, most = p->edge_m;
+        for (uint32_t i = 0; i < p->columns * p->rows; i++)
+            most = palp_max(most, palp_abs(p->height_m[i]));
+        return palp_sqrt(u * u + v * v + most * most);
+    }
+    float extent = 0.0f;
+    for (uint32_t i = 0; i < tool->balls; i++)
+        extent = palp_max(extent, palp_norm(tool->ball[i].center_m) + tool->ball[i].radius_m);
+    return extent;
+}
+
 palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k) {
     if (is_cylinder(tool)) { /* five points along the axis */
         float along = 0.5f * ((float)(k % 5u) - 2.0f) * tool->cylinder.half_m;
