@@ -1,0 +1,345 @@
+/* SPDX-License-Identifier: MIT */
+#include "core/contact/contact.h"
+#include "core/base/linalg.h"
+#include "core/contact/contact_internal.h"
+
+#define CLEAR 1e-6f        /* violation that lets a point in, over the tool's size */
+#define BLOCK_CHANGES 6u   /* iterations that change many points at once; then one at a time */
+
+/* ---- life ---- */
+
+palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
+    static const uint32_t cells[PALP_CONTACT_LEVELS] = {22, 22, 22, 10, 20, 40};
+    static const uint32_t stride[PALP_CONTACT_LEVELS] = {2, 2, 2, 1, 1, 1};
+    static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1, 1};
+    uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
+    return (palp_contact_level){cells[level], stride[level], 3u * cells[level] + 6u, m};
+}
+
+static uint32_t room_of(uint32_t finest) {
+    uint32_t most = 0;
+    for (uint32_t l = 0; l <= finest; l++) {
+        uint32_t points = palp_contact_level_of(l, 0).points;
+        if (points > most) most = points;
+    }
+    return most;
+}
+
+static void lay_out(palp_contact *c, palp_arena *arena, uint32_t modes) {
+    const uint32_t room = c->room, padded = (room + LANES - 1u) / LANES * LANES;
+    c->point = palp_take(arena, room, sizeof *c->point);
+    c->before = palp_take(arena, room, sizeof *c->before);
+    c->table = palp_take(arena, c->tool_count, sizeof *c->table);
+    c->table_before = palp_take(arena, c->tool_count, sizeof *c->table_before);
+    c->node = palp_take(arena, 3u * room, sizeof *c->node);
+    c->node_u_m = palp_take(arena, 3u * room, sizeof *c->node_u_m);
+    c->node_slot = palp_take(arena, PALP_CONTACT_NODE_SLOTS, sizeof *c->node_slot);
+    c->corner = palp_take(arena, room, sizeof *c->corner);
+    for (uint32_t k = 0; k < 11u; k++) c->column[k] = palp_take(arena, padded, sizeof(float));
+    for (uint32_t k = 0; k < 11u; k++) c->pressed[k] = palp_take(arena, padded, sizeof(float));
+    c->mode = palp_take(arena, (size_t)modes * room, sizeof(float));
+    c->load = palp_take(arena, modes, sizeof(float));
+    c->g = palp_take(arena, (size_t)room * room, sizeof(float));
+    c->factor = palp_take(arena, (size_t)room * room, sizeof(float));
+    c->target = palp_take(arena, room, sizeof(float));
+    c->lambda = palp_take(arena, room, sizeof(float));
+    c->scratch = palp_take(arena, room + 1u, sizeof(float));
+    c->active = palp_take(arena, room, sizeof(uint32_t));
+}
+
+size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
+    palp_arena arena = {0};
+    palp_contact c = {.tool_count = tool_count};
+    if (finest >= PALP_CONTACT_LEVELS || tool_count > PALP_CONTACT_TOOLS) return 0;
+    c.room = room_of(finest);
+    lay_out(&c, &arena, blob->regular.modes);
+    return arena.used;
+}
+
+palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
+                              uint32_t tool_count, uint32_t finest, void *memory, size_t bytes) {
+    palp_arena arena = {.base = memory};
+    palp_surface surface;
+    if (finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
+    palp_status status = palp_surface_open(&surface, blob);
+    if (status != PALP_OK) return status;
+    if (tool_count < 1u || tool_count > PALP_CONTACT_TOOLS) return PALP_ERR_ARGUMENT;
+    for (uint32_t t = 0; t < tool_count; t++) {
+        if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
+    }
+    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
+    if (bytes < palp_contact_memsize(blob, tool_count, finest)) return PALP_ERR_MEMORY;
+    palp_contact *c = contact;
+    *c = (palp_contact){.surface = surface,
+                        .tools = tools,
+                        .tool_count = tool_count,
+                        .finest = finest,
+                        .room = room_of(finest),
+                        .now = finest};
+    c->level = palp_contact_level_of(finest, blob->regular.modes);
+    lay_out(c, &arena, blob->regular.modes);
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
+    c->nodes = 0;
+    palp_contact_clear(c);
+    return PALP_OK;
+}
+
+void palp_contact_clear(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        c->lattice[t] = (palp_lattice){.placed = false};
+        palp_lattice_clear(&c->table[t]);
+        palp_lattice_clear(&c->table_before[t]);
+        c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
+        c->normal_N[t] = 0.0f;
+    }
+    c->count = c->places = c->count_before = c->active_count = 0;
+    c->energy_J = 0.0f;
+}
+
+/* ---- points ---- */
+
+/* The contact point of the last tick at the same place of the lattice, or next to it; NULL if
+ * there is none. */
+static const palp_contact_point *last_of(const palp_contact *c, const palp_contact_point *p,
+                                         bool *same) {
+    static const int16_t step[7][2] = {{0, 0}, {1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
+    for (uint32_t ring = 0; ring <= c->level.stride; ring++) {
+        for (uint32_t k = ring == 0u ? 0u : 1u; k < (ring == 0u ? 1u : 7u); k++) {
+            uint32_t at = palp_lattice_find(&c->table_before[p->tool],
+                                            (int16_t)(p->i + (int16_t)ring * step[k][0]),
+                                            (int16_t)(p->j + (int16_t)ring * step[k][1]));
+            *same = ring == 0u;
+            if (at < c->count_before) return &c->before[at];
+        }
+    }
+    return NULL;
+}
+
+/* Contact points first, then the places that only seek the overlap. */
+static void sort_places(palp_contact *c) {
+    const int16_t stride = (int16_t)c->level.stride;
+    c->count = 0;
+    for (uint32_t k = 0; k < c->places; k++) {
+        palp_contact_point *p = &c->point[k], *to = &c->point[c->count];
+        if (p->i % stride != 0 || p->j % stride != 0) continue;
+        palp_contact_point moved = *to;
+        *to = *p;
+        *p = moved;
+        palp_lattice_move(&c->table[to->tool], to->i, to->j, c->count++);
+        palp_lattice_move(&c->table[p->tool], p->i, p->j, k);
+    }
+}
+
+/* ---- corners ---- */
+
+static uint32_t slot_of_node(const palp_contact *c, uint32_t node) {
+    uint32_t slot = (node * 2654435761u) >> 22u;
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) {
+        uint32_t at = (slot + k) & (PALP_CONTACT_NODE_SLOTS - 1u);
+        if (c->node_slot[at] == 0u || c->node[c->node_slot[at] - 1u] == node) return at;
+    }
+    return 0u;
+}
+
+static void forget_nodes(palp_contact *c) {
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
+    c->nodes = 0;
+}
+
+static void list_corners(palp_contact *c, uint32_t i) {
+    const uint32_t *v = c->surface.blob->triangle + 3u * (size_t)c->point[i].at.triangle;
+    for (uint32_t k = 0; k < 3u; k++) {
+        uint32_t slot = slot_of_node(c, v[k]);
+        if (c->node_slot[slot] == 0u) {
+            c->node[c->nodes++] = v[k];
+            c->node_slot[slot] = (uint16_t)c->nodes;
+        }
+        c->corner[i][k] = (uint16_t)(c->node_slot[slot] - 1u);
+    }
+}
+
+static void swap_ticks(palp_contact *c) {
+    palp_contact_point *point = c->point;
+    palp_lattice_table *table = c->table;
+    c->point = c->before;
+    c->before = point;
+    c->table = c->table_before;
+    c->table_before = table;
+    c->count_before = c->count;
+    c->count = c->places = 0;
+}
+
+/* What the tool asks of a point, about its last displacement. */
+static void linearise(palp_contact *c, uint32_t i) {
+    palp_contact_point *p = &c->point[i];
+    const uint32_t t = p->tool;
+    const palp_contact_spring *s = &c->spring[t];
+    bool same;
+    const palp_contact_point *last = last_of(c, p, &same);
+    p->u_m = last != NULL ? last->u_m : (palp_vec3){0};
+    p->active = last != NULL ? same && last->active : true;
+    p->left_out = false;
+    palp_gap gap = palp_tool_gap(&c->tools[t], c->tool_m[t], palp_add(p->at.y, p->u_m));
+    p->m = gap.normal;
+    palp_vec3 held = s->held_m;
+    if (s->stiffness_N_per_m > 0.0f)
+        held = palp_madd(held, 1.0f / s->stiffness_N_per_m, c->beyond_N[t]);
+    c->target[i] = palp_dot(p->m, p->u_m) - gap.gap_m +
+                   palp_dot(p->m, palp_sub(held, c->tool_m[t]));
+    const float of[11] = {p->at.y.x, p->at.y.y, p->at.y.z, p->at.n.x, p->at.n.y, p->at.n.z,
+                          p->m.x,    p->m.y,    p->m.z,    palp_contact_cell(c, p), (float)p->tool};
+    for (uint32_t k = 0; k < 11u; k++) c->column[k][i] = of[k];
+    list_corners(c, i);
+    palp_surface_modes(&c->surface, &p->at, p->m, c->level.modes, c->mode + i, c->room);
+    c->work_done += 120u + 9u * c->level.modes;
+}
+
+uint32_t palp_contact_place(palp_contact *contact, const palp_vec3 *tool_m,
+                            const palp_contact_spring *spring) {
+    palp_contact *c = contact;
+    c->level = palp_contact_level_of(c->now, c->surface.blob->regular.modes);
+    swap_ticks(c);
+    forget_nodes(c);
+    c->flags = c->row = c->iterations = 0;
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        c->tool_m[t] = tool_m[t];
+        c->spring[t] = spring[t];
+        palp_lattice_clear(&c->table[t]);
+        palp_lattice_room room = {.surface = &c->surface,
+                                  .tool = &c->tools[t],
+                                  .number = t,
+                                  .tool_m = tool_m[t],
+                                  .cells = (float)c->level.cells,
+                                  .point = c->point,
+                                  .count = &c->places,
+                                  .most = c->level.points,
+                                  .table = &c->table[t],
+                                  .work = &c->work_done};
+        if ((palp_lattice_place(&c->lattice[t], &room) & PALP_LATTICE_FULL) != 0u)
+            c->flags |= PALP_CONTACT_FULL;
+    }
+    sort_places(c);
+    for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
+    return c->count;
+}
+
+/* ---- the complementarity problem ---- */
+
+bool palp_contact_assemble(palp_contact *contact) {
+    palp_contact *c = contact;
+    if (c->row == c->count) return false;
+    const uint32_t i = c->row++;
+    const palp_contact_point *p = &c->point[i];
+    const float k = c->spring[p->tool].stiffness_N_per_m, give = k > 0.0f ? 1.0f / k : 0.0f;
+    float *row = c->g + (size_t)i * c->room;
+    palp_contact_compliance_row(c, i, i + 1u, row);
+    for (uint32_t j = 0; j <= i; j++) {
+        bool same = c->point[j].tool == p->tool;
+        row[j] += same ? give * palp_dot(p->m, c->point[j].m) : 0.0f;
+        c->g[(size_t)j * c->room + i] = row[j];
+    }
+    return c->row < c->count;
+}
+
+/* Factors g over the points in contact; a point whose pivot vanishes is left out. */
+static void factor_active(palp_contact *c) {
+    c->active_count = 0;
+    for (uint32_t i = 0; i < c->count; i++) {
+        if (!c->point[i].active) continue;
+        const uint32_t n = c->active_count;
+        const float *row = c->g + (size_t)i * c->room;
+        for (uint32_t a = 0; a < n; a++) c->scratch[a] = row[c->active[a]];
+        c->scratch[n] = row[i];
+        if (palp_chol_append(c->factor, n, c->room, c->scratch) != PALP_OK) {
+            c->point[i].active = false;
+            c->point[i].left_out = true;
+            c->flags |= PALP_CONTACT_REDUNDANT;
+            continue;
+        }
+        c->lambda[n] = c->target[i];
+        c->active[c->active_count++] = i;
+    }
+    palp_chol_solve(c->factor, c->active_count, c->room, c->lambda);
+    uint64_t n = c->active_count;
+    c->work_done += n * n * n / 6u + 2u * n * n + c->count;
+}
+
+/* Points that should leave (they would pull) or come in (the tool enters them); with `one`, only
+ * the last of them. Returns how many changed. */
+static uint32_t change_active(palp_contact *c, bool one) {
+    uint32_t changed = 0, a = c->active_count;
+    for (uint32_t i = c->count; i-- > 0u;) {
+        palp_contact_point *p = &c->point[i];
+        if (p->left_out) continue;
+        bool wrong;
+        if (p->active) {
+            wrong = c->lambda[--a] < 0.0f;
+        } else {
+            const float *row = c->g + (size_t)i * c->room;
+            float sum = 0.0f;
+            for (uint32_t k = 0; k < c->active_count; k++) sum += row[c->active[k]] * c->lambda[k];
+            wrong = c->target[i] - sum > CLEAR * palp_tool_size(&c->tools[p->tool]);
+        }
+        if (!wrong || (one && changed > 0u)) continue;
+        p->active = !p->active;
+        changed++;
+    }
+    c->work_done += (uint64_t)(c->count - c->active_count) * c->active_count;
+    return changed;
+}
+
+bool palp_contact_iterate(palp_contact *contact) {
+    palp_contact *c = contact;
+    if (c->iterations == PALP_CONTACT_ITERATIONS) {
+        c->flags |= PALP_CONTACT_SPENT;
+        return false;
+    }
+    factor_active(c);
+    return change_active(c, c->iterations++ >= BLOCK_CHANGES) > 0u;
+}
+
+void palp_contact_finish(palp_contact *contact) {
+    palp_contact *c = contact;
+    palp_vec3 push[PALP_CONTACT_TOOLS] = {{0}};
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        c->normal_N[t] = 0.0f;
+        c->beyond_N[t] = (palp_vec3){0};
+    }
+    for (uint32_t i = 0; i < c->count; i++) c->point[i].force_N = 0.0f;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        palp_contact_point *p = &c->point[c->active[a]];
+        p->force_N = palp_max(c->lambda[a], 0.0f);
+        c->normal_N[p->tool] += p->force_N;
+        push[p->tool] = palp_madd(push[p->tool], -p->force_N, p->m);
+    }
+    palp_contact_gather(c);
+    for (uint32_t k = 0; k < c->nodes; k++)
+        c->node_u_m[k] = palp_surface_corner(&c->surface, c->node[k], c->level.modes, c->load);
+    c->work_done += 3u * (uint64_t)c->nodes * c->level.modes;
+    c->energy_J = 0.0f;
+    for (uint32_t i = 0; i < c->count; i++) {
+        palp_contact_point *p = &c->point[i];
+        p->u_m = palp_contact_displacement(c, i);
+        c->energy_J += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
+    }
+    palp_contact_exact(c, c->beyond_N);
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        const palp_contact_spring *s = &c->spring[t];
+        c->force_N[t] = palp_add(push[t], c->beyond_N[t]);
+        c->rest_m[t] = s->held_m;
+        if (s->stiffness_N_per_m > 0.0f)
+            c->rest_m[t] = palp_madd(s->held_m, 1.0f / s->stiffness_N_per_m, c->force_N[t]);
+    }
+}
+
+void palp_contact_solve(palp_contact *contact, const palp_vec3 *tool_m,
+                        const palp_contact_spring *spring) {
+    palp_contact_place(contact, tool_m, spring);
+    /* at most room */
+    while (palp_contact_assemble(contact)) {}
+    /* at most PALP_CONTACT_ITERATIONS */
+    while (contact->count > 0u && palp_contact_iterate(contact)) {}
+    if (contact->count == 0u) contact->active_count = 0;
+    palp_contact_finish(contact);
+}

@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Contact between rigid tools and the surface of one elastostatic body, without friction, in a work
+ * that the number of points alone decides.
+ *
+ * Each tick the tools' lattices give contact points y_i (contact/lattice.h), the surface their
+ * mutual compliance C_ij (surface/surface.h). With phi a tool's distance, the surface must stay out
+ * of the tools and may only be pushed:
+ *
+ *     phi(y_i + u_i - c) >= 0,   f_i = lambda_i m_i,   lambda_i >= 0,   u = C f,   m = grad phi
+ *
+ * about the last tick's displacements this is the linear complementarity problem
+ *
+ *     g lambda >= d,   lambda >= 0,   lambda (g lambda - d) = 0
+ *     g_ij = m_i C_ij m_j + m_i m_j / k,   d_i = m_i . u_i - phi_i + m_i . (held - c)
+ *
+ * where each tool hangs on a spring k at `held`: it comes to rest at c = held + F / k, with F the
+ * force on it. An active set solves it on Cholesky factors, beginning with last tick's set.
+ *
+ * The elastic energy E = f C f / 2 is a function of the tools' places, and F its exact gradient:
+ *
+ *     F = - sum lambda_i m_i + sum f_i . dy_i/dc + 1/2 f (dC/dc) f
+ *
+ * Calls of a tick, in this order, so that the caller can look at the clock in between:
+ *
+ *     palp_contact_place       points under the tools where they are expected
+ *     palp_contact_assemble    one row of g at a time
+ *     palp_contact_iterate     one change of the active set at a time
+ *     palp_contact_finish      displacements, forces, where the tools come to rest
+ */
+#ifndef PALP_CONTACT_CONTACT_H
+#define PALP_CONTACT_CONTACT_H
+
+#include "core/base/arena.h"
+#include "core/base/status.h"
+#include "core/contact/lattice.h"
+
+#define PALP_CONTACT_TOOLS 4u
+#define PALP_CONTACT_MAX_POINTS 126u /* of the finest level there is */
+#define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
+
+/*
+ * One constraint level: how many points are wanted in contact, and how many modes of H are used.
+ * Coarser levels have fewer points before they have fewer modes. Where few points are left a finer
+ * lattice of `cells` still seeks the overlap, and every stride-th place of it, both ways, is a
+ * contact point.
+ *
+ *     level            0      1      2     3    4    5
+ *     in contact     5.5    5.5    5.5    10   20   40     about; on a plain surface
+ *     points, about   13     13     13    19   37   73     where the tool overlaps
+ *     modes          1/4    1/2    all   all  all  all
+ */
+typedef struct {
+    uint32_t cells, stride;
+    uint32_t points; /* room for all places of the lattice, about three times the cells */
+    uint32_t modes;
+} palp_contact_level;
+#define PALP_CONTACT_LEVELS 6u
+#define PALP_CONTACT_FINEST 4u /* by default */
+#define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 PALP_CONTACT_MAX_POINTS */
+
+#define PALP_CONTACT_FULL 1u      /* more points were wanted than the level has room for */
+#define PALP_CONTACT_SPENT 2u     /* the active set was not settled after all its iterations */
+#define PALP_CONTACT_REDUNDANT 4u /* a point was left out because its pivot vanished */
+
+/* A tool on its spring; stiffness 0: it stays at held_m. */
+typedef struct {
+    palp_vec3 held_m;
+    float stiffness_N_per_m;
+} palp_contact_spring;
+
+typedef struct {
+    palp_surface surface;
+    const palp_tool *tools; /* by reference */
+    uint32_t tool_count, finest, room; /* room: points, of the level that has most */
+    uint32_t now;                      /* the level in use; set between ticks, at most finest */
+    palp_contact_level level;          /* of this tick */
+    palp_lattice lattice[PALP_CONTACT_TOOLS];
+    palp_contact_point *point, *before; /* [room]: of this tick; of the last */
+    palp_lattice_table *table, *table_before; /* [tool_count] */
+    uint32_t count, places; /* contact points; with those that only seek the overlap behind them */
+    uint32_t count_before;
+    palp_contact_spring spring[PALP_CONTACT_TOOLS];
+    palp_vec3 tool_m[PALP_CONTACT_TOOLS];  /* where the tools are taken to be */
+    palp_vec3 rest_m[PALP_CONTACT_TOOLS];  /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS]; /* exact, on each tool */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
+    float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
+    float energy_J;                         /* f C f / 2 */
+    uint32_t *node;      /* [3 room] corners of the points' triangles, each once */
+    palp_vec3 *node_u_m; /* [3 room] what the modes displace them by */
+    uint16_t *node_slot; /* [PALP_CONTACT_NODE_SLOTS] where they are in the list; 0: nowhere */
+    uint16_t (*corner)[3]; /* [room] of each point, in the list */
+    uint32_t nodes;
+    float *column[11]; /* [room] the points side by side (contact_internal.h) */
+    float *pressed[11]; /* [room, rounded up] those in contact, with their forces */
+    float *mode;       /* [modes][room] what unit forces along m give the modes */
+    float *load;       /* [modes] */
+    float *g;          /* [room][room] */
+    float *factor;     /* [room][room] */
+    float *target, *lambda, *scratch; /* [room] */
+    uint32_t *active;                 /* [room] points in contact */
+    uint32_t active_count, row, iterations, flags;
+    uint64_t work_done;
+} palp_contact;
+
+/* A level of a blob with `modes`. */
+palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);
+
+/* `finest`: below PALP_CONTACT_LEVELS; 0 else. */
+size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
+
+/* Errors: ARGUMENT (no regular part, unsound tools, none or too many), LIMITS (finest), ALIGNMENT,
+ * MEMORY. Tools and blob are kept by reference; starts on the finest level. */
+palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
+                              uint32_t tool_count, uint32_t finest, void *memory, size_t bytes);
+
+/* Forgets all contacts. */
+void palp_contact_clear(palp_contact *contact);
+
+/* Points under the tools at tool_m[tool_count], which hang on `spring`. Returns how many. */
+uint32_t palp_contact_place(palp_contact *contact, const palp_vec3 *tool_m,
+                            const palp_contact_spring *spring);
+/* One row of g; false when all are there. Cost of row i: i (30 + modes), 9 modes. */
+bool palp_contact_assemble(palp_contact *contact);
+/* One change of the active set with its factor, a^3 / 6 + a^2 + count a; false when settled. */
+bool palp_contact_iterate(palp_contact *contact);
+void palp_contact_finish(palp_contact *contact);
+
+/* All of them. */
+void palp_contact_solve(palp_contact *contact, const palp_vec3 *tool_m,
+                        const palp_contact_spring *spring);
+
+#endif

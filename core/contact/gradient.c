@@ -1,0 +1,338 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The exact gradient of the elastic energy, beyond - sum lambda m: what moving the points and their
+ * compliance does to it. With Q = f . y + f C f / 2 at fixed forces
+ *
+ *     dQ/dc = Q_c + Q_p dp/dc
+ *
+ * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, drawing back) follows
+ * the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
+ *
+ * Both are sums over points of how each moves in 3 + PARAMETERS directions: its shot (origin,
+ * direction), then the facet, the smooth surface, the cell and the overlap.
+ */
+#include "core/contact/contact_internal.h"
+#include "core/base/linalg.h"
+
+/* Derivatives of f C f / 2 + f . y with respect to one point. */
+typedef struct {
+    palp_vec3 y, n;
+    float cell;
+} pull;
+
+/* d/dy_i and d/dn_i of sum_j f_i B_ij f_j, without the factor (1 + nu) / (pi E). */
+static pull half_space_pull(const palp_contact *c, uint32_t i) {
+    const palp_contact_point *point = &c->point[i];
+    const float nu = c->surface.poisson, rest = 0.5f - nu, plain = 1.0f - nu;
+    const palp_vec3 y = point->at.y, n = point->at.n, f = palp_scale(point->force_N, point->m);
+    const float cell = palp_contact_cell(c, point), tool = (float)point->tool;
+    const float *const *in = (const float *const *)c->pressed;
+    float lane[6][LANES] = {{0}};
+    for (uint32_t first = 0; first < c->active_count; first += LANES) {
+        for (uint32_t k = 0; k < LANES; k++) {
+            uint32_t j = first + k;
+            float gx = in[IN_F][j], gy = in[IN_F + 1][j], gz = in[IN_F + 2][j];
+            float ex = y.x - in[IN_Y][j], ey = y.y - in[IN_Y + 1][j], ez = y.z - in[IN_Y + 2][j];
+            float r2 = ex * ex + ey * ey + ez * ez, s2 = cell * in[IN_CELL][j];
+            float other = palp_abs(tool - in[IN_TOOL][j]) > 0.5f ? 1.0f : 0.0f;
+            float apart = r2 + other * SPREAD2 * s2, least = NEAREST2 * s2;
+            bool counts = r2 > 0.0f && (apart >= least || other > 0.5f);
+            float inverse = counts ? 1.0f / palp_sqrt(apart) : 0.0f;
+            ex *= inverse;
+            ey *= inverse;
+            ez *= inverse;
+            float hx = 0.5f * (n.x + in[IN_N][j]), hy = 0.5f * (n.y + in[IN_N + 1][j]),
+                  hz = 0.5f * (n.z + in[IN_N + 2][j]);
+            float a = f.x * gx + f.y * gy + f.z * gz;
+            float p = f.x * ex + f.y * ey + f.z * ez, q = gx * ex + gy * ey + gz * ez;
+            float s = hx * gx + hy * gy + hz * gz, t = hx * f.x + hy * f.y + hz * f.z;
+            float square = inverse * inverse;
+            /* d/dr of (plain a + nu p q + rest (p s - t q)) / r, with p, q of unit length */
+            float back = -plain * a - 3.0f * nu * p * q - 2.0f * rest * (p * s - t * q);
+            float of_f = nu * q + rest * s, of_g = nu * p - rest * t;
+            lane[0][k] += square * (back * ex + of_f * f.x + of_g * gx);
+            lane[1][k] += square * (back * ey + of_f * f.y + of_g * gy);
+            lane[2][k] += square * (back * ez + of_f * f.z + of_g * gz);
+            lane[3][k] += inverse * 0.5f * rest * (p * gx - q * f.x);
+            lane[4][k] += inverse * 0.5f * rest * (p * gy - q * f.y);
+            lane[5][k] += inverse * 0.5f * rest * (p * gz - q * f.z);
+        }
+    }
+    pull sum = {.cell = 0.0f};
+    for (uint32_t k = 0; k < LANES; k++) {
+        sum.y = palp_add(sum.y, (palp_vec3){lane[0][k], lane[1][k], lane[2][k]});
+        sum.n = palp_add(sum.n, (palp_vec3){lane[3][k], lane[4][k], lane[5][k]});
+    }
+    return sum;
+}
+
+/* The same of the point's own B, which its cell and normal decide. */
+static void add_self(const palp_contact *c, const palp_contact_point *p, pull *sum) {
+    float nu = c->surface.poisson, cell = palp_contact_cell(c, p), scale = PALP_LATTICE_SELF / cell;
+    float f2 = p->force_N * p->force_N, along = palp_dot(p->m, p->at.n);
+    sum->n = palp_madd(sum->n, -0.5f * nu * scale * f2 * along, p->m);
+    sum->cell -= 0.5f * scale / cell * f2 * (1.0f - nu + 0.5f * nu * (1.0f - along * along));
+}
+
+/* ---- how a point moves ---- */
+
+#define HEX_CELL 0.8660254f
+#define PARAMETERS 6u /* of a lattice: axis 2, origin 2, log of the spacing, drawing back */
+#define MOVES (3u + PARAMETERS)
+
+enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
+
+/* Whether a lattice has that parameter now. */
+static bool is_free(const palp_lattice_state *s, bool central, bool flat, uint32_t parameter) {
+    if (parameter == BACK) return s->back_m > 0.0f;
+    if (parameter == SPACING) return true;
+    if (parameter >= ORIGIN) return !central;
+    return !flat;
+}
+
+/* Of a shot: its origin and its direction; explicit part of log(cell). */
+typedef struct {
+    palp_vec3 from, direction;
+    float log_cell;
+} shot_move;
+
+/* Of a point. */
+typedef struct {
+    palp_vec3 q, y, n;
+    float cell, overlap;
+} point_move;
+
+/* What does not depend on the move: derivatives at a point. */
+typedef struct {
+    float dy_dq[9], dn_dq[9];
+    palp_vec3 facet, out; /* facet over its slant to the shot; the drawn-back tool's normal */
+} point_slopes;
+
+static palp_vec3 times(const float m[9], palp_vec3 v) {
+    return (palp_vec3){m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+                       m[6] * v.x + m[7] * v.y + m[8] * v.z};
+}
+
+static palp_vec3 transposed(const float m[9], palp_vec3 v) {
+    return (palp_vec3){m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
+                       m[2] * v.x + m[5] * v.y + m[8] * v.z};
+}
+
+static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p) {
+    const palp_surface *s = &c->surface;
+    const palp_lattice *l = &c->lattice[p->tool];
+    const uint32_t *v = s->blob->triangle + 3u * (size_t)p->at.triangle;
+    point_slopes z;
+    palp_surface_slopes(s, &p->at, z.dy_dq, z.dn_dq);
+    palp_vec3 x0 = palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[0]);
+    palp_vec3 normal =
+        palp_cross(palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[1]), x0),
+                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
+    z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
+    palp_vec3 drawn = palp_madd(c->tool_m[p->tool], -l->used.back_m, l->used.axis);
+    z.out = palp_tool_gap(&c->tools[p->tool], drawn, p->at.y).normal;
+    return z;
+}
+
+/* `tool`: how the drawn-back tool moves itself. */
+static point_move move_point(const palp_contact_point *p, const point_slopes *z, bool central,
+                             const shot_move *shot, palp_vec3 tool) {
+    point_move d;
+    palp_vec3 aim = palp_madd(shot->from, p->shot_m, shot->direction);
+    d.q = palp_madd(aim, -palp_dot(z->facet, aim), p->direction);
+    d.y = times(z->dy_dq, d.q);
+    d.n = times(z->dn_dq, d.q);
+    float facing = -palp_dot(d.n, p->direction) - palp_dot(p->at.n, shot->direction);
+    float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
+    d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
+    if (central) d.cell += p->cell_m * length / p->shot_m;
+    d.overlap = -palp_dot(z->out, palp_sub(d.y, tool));
+    return d;
+}
+
+/* How the shot of a point moves in each of the directions, and the drawn-back tool with it. */
+static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_move shot[MOVES],
+                       palp_vec3 tool[MOVES]) {
+    const palp_lattice *l = &c->lattice[p->tool];
+    const palp_lattice_state *s = &l->used;
+    const bool central = palp_lattice_is_central(&c->tools[p->tool]);
+    const float a = s->spacing * ((float)p->i + 0.5f * (float)p->j);
+    const float b = s->spacing * HEX_CELL * (float)p->j;
+    const palp_vec3 side = palp_madd(palp_scale(a, s->tangent[0]), b, s->tangent[1]);
+    for (uint32_t k = 0; k < MOVES; k++) {
+        shot[k] = (shot_move){.log_cell = 0.0f};
+        tool[k] = (palp_vec3){0};
+    }
+    for (uint32_t k = 0; k < 3u; k++) {
+        palp_vec3 e = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
+        shot[k].from = tool[k] = e;
+    }
+    for (uint32_t k = 0; k < 2u; k++) { /* the axis turns towards tangent k */
+        shot_move *m = &shot[3u + AXIS + k];
+        palp_vec3 about = palp_cross(s->axis, s->tangent[k]);
+        m->direction = palp_cross(about, p->direction);
+        tool[3u + AXIS + k] = palp_scale(-s->back_m, s->tangent[k]);
+        m->from = tool[3u + AXIS + k];
+        if (central) continue;
+        m->from = palp_cross(about, palp_add(side, s->origin_m));
+    }
+    for (uint32_t k = 0; k < 2u && !central; k++) shot[3u + ORIGIN + k].from = s->tangent[k];
+    shot[3u + SPACING].log_cell = 1.0f;
+    if (central) {
+        float rho2 = a * a + b * b, root = palp_sqrt(palp_max(1.0f - 0.25f * rho2, 1e-6f));
+        shot[3u + SPACING].direction =
+            palp_madd(palp_scale(root - 0.25f * rho2 / root, side), -rho2, s->axis);
+    } else {
+        shot[3u + SPACING].from = side;
+    }
+    tool[3u + BACK] = palp_scale(-1.0f, s->axis);
+    if (central) shot[3u + BACK].from = tool[3u + BACK];
+}
+
+/* ---- what the lattice follows ---- */
+
+/* Sums over the points of one tool: of the overlap, and of its derivatives. */
+typedef struct {
+    float s0, s1, s2, d0[MOVES], d1[MOVES], d2[MOVES];
+    palp_vec3 toward, dtoward[MOVES], out, dout[MOVES];
+    float deepest, ddeepest[MOVES];
+    float q[MOVES]; /* dQ */
+} follow_sums;
+
+static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3 off,
+                          const point_move *d, const shot_move *shot, bool central, uint32_t k) {
+    float area = HEX_CELL * p->cell_m * p->cell_m, darea = 2.0f * HEX_CELL * p->cell_m * d->cell;
+    float w = area * p->overlap_m, dw = darea * p->overlap_m + area * d->overlap;
+    f->d0[k] += dw;
+    f->d1[k] += dw * p->overlap_m + w * d->overlap;
+    f->d2[k] += dw * area + w * darea;
+    palp_vec3 moved = central ? shot->direction : d->q;
+    f->dtoward[k] = palp_add(f->dtoward[k], palp_madd(palp_scale(dw, off), w, moved));
+    f->dout[k] = palp_add(f->dout[k], palp_madd(palp_scale(dw, p->at.n), w, d->n));
+}
+
+/* Derivatives of the equations r that the lattice obeys, in direction k. */
+static void equations(const palp_lattice *l, const follow_sums *f, bool central, bool turns,
+                      float cells, uint32_t k, float r[PARAMETERS]) {
+    const palp_lattice_state *s = &l->used;
+    palp_vec3 turn = {0}; /* of the tangents, for the axis' own directions */
+    palp_vec3 about = {0};
+    if (k >= 3u + AXIS && k < 3u + AXIS + 2u)
+        about = palp_cross(s->axis, s->tangent[k - 3u - AXIS]);
+    for (uint32_t e = 0; e < 2u; e++) {
+        turn = palp_cross(about, s->tangent[e]);
+        if (central) {
+            r[AXIS + e] = palp_dot(f->dtoward[k], s->tangent[e]) + palp_dot(f->toward, turn);
+            r[ORIGIN + e] = 0.0f;
+        } else {
+            r[AXIS + e] = turns ? palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn) : 0.0f;
+            palp_vec3 tool = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
+            palp_vec3 own = k >= 3u + ORIGIN && k < 3u + ORIGIN + 2u ? s->tangent[k - 3u - ORIGIN]
+                            : k < 3u                                 ? tool
+                                                                     : palp_cross(about, s->origin_m);
+            r[ORIGIN + e] = palp_dot(palp_madd(f->dtoward[k], -f->s0, own), s->tangent[e]) +
+                            palp_dot(f->toward, turn);
+        }
+    }
+    r[SPACING] = 2.0f / 3.0f * (2.0f * f->s0 * f->d0[k] / f->s1 -
+                                f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
+                 cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
+    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] : 0.0f;
+}
+
+/* Adds Q_p dp/dc. */
+static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_sums *f) {
+    const palp_tool *tool = &c->tools[t];
+    const palp_lattice *l = &c->lattice[t];
+    const bool central = palp_lattice_is_central(tool), flat = palp_lattice_is_flat(tool);
+    const float cells = (float)c->level.cells;
+    float r[MOVES][PARAMETERS], a[PARAMETERS * PARAMETERS];
+    uint32_t perm[PARAMETERS];
+    for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, !flat, cells, k, r[k]);
+    for (uint32_t e = 0; e < PARAMETERS; e++) {
+        bool free = is_free(&l->used, central, flat, e);
+        for (uint32_t p = 0; p < PARAMETERS; p++) {
+            bool both = free && is_free(&l->used, central, flat, p);
+            a[e * PARAMETERS + p] = both ? r[3u + p][e] : (p == e ? 1.0f : 0.0f);
+        }
+        for (uint32_t k = 0; k < 3u && !free; k++) r[k][e] = 0.0f;
+    }
+    if (palp_lu_factor(a, perm, PARAMETERS, PARAMETERS) != PALP_OK) return (palp_vec3){0};
+    float force[3];
+    for (uint32_t axis = 0; axis < 3u; axis++) {
+        float x[PARAMETERS];
+        for (uint32_t e = 0; e < PARAMETERS; e++) x[e] = -r[axis][e];
+        palp_lu_solve(a, perm, PARAMETERS, PARAMETERS, x);
+        force[axis] = 0.0f;
+        for (uint32_t e = 0; e < PARAMETERS; e++) force[axis] += f->q[3u + e] * x[e];
+    }
+    return (palp_vec3){force[0], force[1], force[2]};
+}
+
+/* ---- all together ---- */
+
+/* Derivatives of Q with respect to q (through y, n and the weights), and to the cell. */
+static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i, const point_slopes *z) {
+    const palp_surface *s = &c->surface;
+    const palp_vec3 f = palp_scale(p->force_N, p->m);
+    palp_vec3 gradient[3];
+    pull sum = half_space_pull(c, i);
+    add_self(c, p, &sum);
+    sum.y = palp_madd(f, s->compliance_m2_per_N, sum.y);
+    sum.n = palp_scale(s->compliance_m2_per_N, sum.n);
+    sum.cell *= s->compliance_m2_per_N * (float)c->level.stride;
+    sum.y = palp_add(transposed(z->dy_dq, sum.y), transposed(z->dn_dq, sum.n));
+    palp_surface_gradients(s, p->at.triangle, gradient);
+    for (uint32_t k = 0; k < 3u; k++) {
+        float along = palp_dot(f, c->node_u_m[c->corner[i][k]]);
+        sum.y = palp_madd(sum.y, along, gradient[k]);
+    }
+    return sum;
+}
+
+static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
+    const palp_contact_point *p = &c->point[i];
+    const palp_lattice *l = &c->lattice[p->tool];
+    const bool central = palp_lattice_is_central(&c->tools[p->tool]);
+    const point_slopes z = slopes_of(c, p);
+    shot_move shot[MOVES];
+    palp_vec3 tool[MOVES];
+    pull of_q = {.cell = 0.0f};
+    if (i < c->count && p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
+    palp_vec3 off = central ? p->direction
+                            : palp_sub(p->at.q, palp_add(c->tool_m[p->tool], l->used.origin_m));
+    float area = HEX_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
+    bool deepest = p->overlap_m > f->deepest;
+    f->s0 += w;
+    f->s1 += w * p->overlap_m;
+    f->s2 += w * area;
+    f->toward = palp_madd(f->toward, w, off);
+    f->out = palp_madd(f->out, w, p->at.n);
+    if (deepest) f->deepest = p->overlap_m;
+    shot_moves(c, p, shot, tool);
+    const bool flat = palp_lattice_is_flat(&c->tools[p->tool]);
+    for (uint32_t k = 0; k < MOVES; k++) {
+        if (k >= 3u && !is_free(&l->used, central, flat, k - 3u)) continue;
+        point_move d = move_point(p, &z, central, &shot[k], tool[k]);
+        add_to_follow(f, p, off, &d, &shot[k], central, k);
+        if (deepest) f->ddeepest[k] = d.overlap;
+        f->q[k] += palp_dot(of_q.y, d.q) + of_q.cell * d.cell;
+    }
+}
+
+void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_TOOLS]) {
+    palp_contact *c = contact;
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        follow_sums f = {.s0 = 0.0f};
+        bool any = false;
+        for (uint32_t i = 0; i < c->places; i++) {
+            if (c->point[i].tool != t) continue;
+            add_point(c, i, &f);
+            any = any || (i < c->count && c->point[i].force_N > 0.0f);
+        }
+        if (!any) continue;
+        beyond_N[t] = palp_add((palp_vec3){f.q[0], f.q[1], f.q[2]}, follow_force(c, t, &f));
+    }
+    c->work_done += (uint64_t)c->active_count * 80u * c->active_count +
+                    1000u * (uint64_t)c->places;
+}

@@ -1,0 +1,452 @@
+/* SPDX-License-Identifier: MIT */
+#include "lattice.h"
+
+#define DEPTH 0.7f     /* overlap of the drawn-back tool at most, over its size */
+#define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
+#define MARGIN 0.6f    /* edges beyond the tool within which nodes lead to regions */
+#define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
+#define FADE 0.15f     /* above FACING, in which cells grow to their full size */
+#define FEET 4u        /* steps towards the nearest point of the surface */
+#define HEX_CELL 0.8660254f
+#define ROW 0.8660254f /* height of a row of the lattice over its spacing */
+#define PLACE_MOST 16000 /* largest place in a lattice */
+#define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
+
+bool palp_lattice_is_central(const palp_tool *tool) { return tool->balls == 1u; }
+
+bool palp_lattice_is_flat(const palp_tool *tool) {
+    return tool->balls == 0u && !(tool->cylinder.radius_m > 0.0f);
+}
+
+/* ---- table of places ---- */
+
+void palp_lattice_clear(palp_lattice_table *table) {
+    for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) table->key[k] = 0u;
+}
+
+/* Slot of a place: where it is, or where it would go. The table never fills up: at most half of it
+ * is used. */
+static uint32_t slot_of(const palp_lattice_table *t, uint32_t key) {
+    uint32_t slot = (key * 2654435761u) >> 23u;
+    for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) {
+        uint32_t at = (slot + k) & (PALP_LATTICE_SLOTS - 1u);
+        if (t->key[at] == key || t->key[at] == 0u) return at;
+    }
+    return 0u;
+}
+
+static uint32_t key_of(int32_t i, int32_t j) {
+    return 0x80000000u | ((uint32_t)(i + 16384) & 0x7fffu) << 15u | ((uint32_t)(j + 16384) & 0x7fffu);
+}
+
+uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j) {
+    uint32_t key = key_of(i, j), slot = slot_of(table, key);
+    return table->key[slot] == key ? table->point[slot] : PALP_LATTICE_MISS;
+}
+
+void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t point) {
+    table->point[slot_of(table, key_of(i, j))] = (uint16_t)point;
+}
+
+/* ---- shots ---- */
+
+typedef struct {
+    palp_lattice *l;
+    const palp_lattice_room *r;
+    palp_vec3 drawn_back_m; /* the tool's reference point */
+    bool central;
+    uint32_t first, used; /* points of this tool begin here; places looked at */
+    float miss;           /* smallest gap that a place showed that has no point */
+} filling;
+
+static palp_vec3 direction_of(const filling *f, float a, float b) {
+    const palp_lattice *l = f->l;
+    if (!f->central) return l->at.axis;
+    float rho2 = a * a + b * b, up = 1.0f - 0.5f * rho2, out = palp_sqrt(palp_max(1.0f - 0.25f * rho2, 0.0f));
+    palp_vec3 d = palp_scale(up, l->at.axis);
+    d = palp_madd(d, out * a, l->at.tangent[0]);
+    return palp_madd(d, out * b, l->at.tangent[1]);
+}
+
+/* Where in the lattice's map a point of the surface lies; false at its back. */
+static bool map(const filling *f, palp_vec3 y, float *a, float *b) {
+    const palp_lattice *l = f->l;
+    palp_vec3 r = palp_sub(y, palp_add(f->r->tool_m, l->at.origin_m));
+    float scale = 1.0f;
+    if (f->central) {
+        float length = palp_norm(r), up = length > 0.0f ? palp_dot(r, l->at.axis) / length : -1.0f;
+        if (up < -0.9f) return false;
+        scale = palp_sqrt(2.0f / (1.0f + up)) / length;
+    }
+    *a = scale * palp_dot(r, l->at.tangent[0]);
+    *b = scale * palp_dot(r, l->at.tangent[1]);
+    return true;
+}
+
+float palp_lattice_cell_slope(const palp_contact_point *p) {
+    float shown = p->facing - FACING;
+    float fade = shown < FADE ? 1.0f / shown : 0.0f;
+    return p->cell_m * (fade - 0.5f / p->facing);
+}
+
+/* What the shot at (a, b) of the map meets, beginning on p->at.triangle; false if there is nothing
+ * to touch. */
+static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
+    const palp_lattice *l = f->l;
+    palp_vec3 from = palp_add(f->r->tool_m, l->at.origin_m);
+    p->direction = direction_of(f, a, b);
+    if (!f->central) {
+        from = palp_madd(from, a, l->at.tangent[0]);
+        from = palp_madd(from, b, l->at.tangent[1]);
+    }
+    *f->r->work += 240u;
+    if (!palp_surface_shoot(f->r->surface, from, p->direction, &p->at)) return false;
+    p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
+    p->facing = -palp_dot(p->at.n, p->direction);
+    palp_gap gap = palp_tool_gap(f->r->tool, f->drawn_back_m, p->at.y);
+    p->overlap_m = -gap.gap_m;
+    if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;
+    if (palp_dot(gap.normal, p->at.n) >= 0.0f) return false;
+    float cell = l->at.spacing / palp_sqrt(p->facing);
+    if (f->central) cell *= p->shot_m;
+    p->cell_m = cell * palp_min((p->facing - FACING) / FADE, 1.0f);
+    return true;
+}
+
+/* Looks at a place of the lattice, unless it has been; beginning on `triangle`. */
+static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
+    const palp_lattice_room *r = f->r;
+    if (i < -PLACE_MOST || i > PLACE_MOST || j < -PLACE_MOST || j > PLACE_MOST) return;
+    uint32_t key = key_of(i, j), slot = slot_of(r->table, key);
+    if (r->table->key[slot] == key || f->used >= PALP_LATTICE_SLOTS / 2u) return;
+    f->used++;
+    r->table->key[slot] = key;
+    r->table->point[slot] = PALP_LATTICE_MISS;
+    palp_contact_point *p = &r->point[*r->count];
+    float a = f->l->at.spacing * ((float)i + 0.5f * (float)j), b = f->l->at.spacing * ROW * (float)j;
+    p->at.triangle = triangle;
+    if (f->central && a * a + b * b >= 3.9f) return;
+    if (!shoot(f, a, b, p) || p->overlap_m <= 0.0f) return;
+    if (*r->count + 1u >= r->most) {
+        f->miss = -1.0f;
+        return;
+    }
+    p->tool = r->number;
+    p->i = (int16_t)i;
+    p->j = (int16_t)j;
+    p->active = false;
+    p->force_N = 0.0f;
+    r->table->point[slot] = (uint16_t)*r->count;
+    (*r->count)++;
+}
+
+/* The place of the lattice next to a point of the surface; false if there is none. */
+static bool nearest_place(const filling *f, palp_vec3 y, int32_t place[2]) {
+    float a, b;
+    if (!map(f, y, &a, &b)) return false;
+    float row = b / (f->l->at.spacing * ROW);
+    if (palp_abs(row) > (float)PLACE_MOST) return false;
+    place[1] = (int32_t)(row + (row >= 0.0f ? 0.5f : -0.5f));
+    float column = a / f->l->at.spacing - 0.5f * (float)place[1];
+    if (palp_abs(column) > (float)PLACE_MOST) return false;
+    place[0] = (int32_t)(column + (column >= 0.0f ? 0.5f : -0.5f));
+    return true;
+}
+
+/* Whether the lattice has looked at the place next to a point of the surface, or cannot. */
+static bool is_known(const filling *f, palp_vec3 y) {
+    int32_t place[2];
+    if (!nearest_place(f, y, place)) return true;
+    uint32_t key = key_of(place[0], place[1]);
+    return f->r->table->key[slot_of(f->r->table, key)] == key;
+}
+
+/* Fills the region around a point of the surface; false if the lattice finds nothing there. */
+static bool flood(filling *f, const palp_surface_point *seed) {
+    static const int32_t step[6][2] = {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
+    uint32_t before = *f->r->count;
+    int32_t place[2];
+    if (!nearest_place(f, seed->y, place)) return false;
+    look(f, place[0], place[1], seed->triangle);
+    /* at most the room */
+    for (uint32_t k = before; k < *f->r->count; k++) {
+        const int32_t at[2] = {f->r->point[k].i, f->r->point[k].j};
+        uint32_t triangle = f->r->point[k].at.triangle;
+        for (uint32_t n = 0; n < 6u; n++) look(f, at[0] + step[n][0], at[1] + step[n][1], triangle);
+    }
+    return *f->r->count > before;
+}
+
+/* Fills a region and keeps its deepest point for the next filling. */
+static bool fill_region(filling *f, const palp_surface_point *from) {
+    uint32_t before = *f->r->count, deepest = before;
+    if (!flood(f, from)) return false;
+    for (uint32_t k = before; k < *f->r->count; k++) {
+        if (f->r->point[k].overlap_m > f->r->point[deepest].overlap_m) deepest = k;
+    }
+    if (f->l->seeds < PALP_LATTICE_SEEDS) f->l->seed[f->l->seeds++] = f->r->point[deepest].at;
+    return true;
+}
+
+/* ---- regions ---- */
+
+/* From a node towards the point of the surface that lies deepest in the tool nearby. */
+static bool find_foot(const palp_lattice_room *r, palp_vec3 from, palp_surface_point *p) {
+    palp_vec3 d;
+    for (uint32_t k = 0; k < FEET; k++) {
+        palp_gap gap = palp_tool_gap(r->tool, from, p->y);
+        d = k == 0u ? gap.normal : palp_scale(-1.0f, p->n);
+        palp_vec3 at = palp_lattice_is_central(r->tool) ? palp_add(from, r->tool->ball[0].center_m)
+                                                        : palp_madd(p->y, -gap.gap_m, gap.normal);
+        *r->work += 200u;
+        if (!palp_surface_shoot(r->surface, at, d, p)) return false;
+    }
+    return palp_dot(palp_tool_gap(r->tool, from, p->y).normal, p->n) < 0.0f;
+}
+
+static palp_surface_point point_at_node(const palp_surface *s, uint32_t node) {
+    const palp_blob *b = s->blob;
+    palp_surface_point p = {.triangle = b->regular.triangle[node]};
+    p.q = p.y = palp_vec3_at(b->rest_m + 3u * (size_t)node);
+    p.n = palp_vec3_at(b->normal + 3u * (size_t)node);
+    return p;
+}
+
+/* Cells of the search grid around the tool. */
+typedef struct {
+    uint32_t low[3], high[3];
+} cell_range;
+
+static cell_range cells_around(const palp_blob *b, palp_vec3 c, float reach) {
+    const palp_meta *m = b->meta;
+    const float x[3] = {c.x, c.y, c.z};
+    cell_range r;
+    for (uint32_t k = 0; k < 3u; k++) {
+        float last = (float)(m->cells[k] - 1u);
+        float low = (x[k] - reach - m->cell_origin_m[k]) / m->cell_size_m;
+        float high = (x[k] + reach - m->cell_origin_m[k]) / m->cell_size_m;
+        r.low[k] = (uint32_t)palp_clamp(low, 0.0f, last);
+        r.high[k] = (uint32_t)palp_clamp(high, 0.0f, last);
+    }
+    return r;
+}
+
+/* No neighbour lies deeper in the tool. */
+static bool is_deepest(const palp_lattice_room *r, palp_vec3 tool_m, uint32_t node, float gap_m) {
+    const palp_blob *b = r->surface->blob;
+    for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
+        palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
+        *r->work += 60u;
+        if (palp_tool_gap(r->tool, tool_m, x).gap_m < gap_m) return false;
+    }
+    return true;
+}
+
+typedef void (*node_visit)(filling *f, uint32_t node, float gap_m);
+
+/* Calls `visit` for each node near the tool that faces it. */
+static void visit_nodes(filling *f, node_visit visit) {
+    const palp_lattice_room *r = f->r;
+    const palp_blob *b = r->surface->blob;
+    const palp_meta *m = b->meta;
+    const float margin = MARGIN * m->mean_edge_m;
+    const float reach = palp_tool_extent(r->tool) + margin;
+    const palp_vec3 c = f->drawn_back_m;
+    cell_range cells = cells_around(b, c, reach);
+    for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
+        for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
+            uint32_t row = (z * m->cells[1] + y) * m->cells[0];
+            uint32_t end = b->cell_offset[row + cells.high[0] + 1u];
+            for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++) {
+                uint32_t node = b->cell_node[k];
+                palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
+                *r->work += 10u;
+                if (palp_dot(v, v) > reach * reach) continue;
+                palp_gap gap = palp_tool_gap(r->tool, c, palp_add(c, v));
+                *r->work += 60u;
+                if (gap.gap_m > margin) continue;
+                if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
+                    continue;
+                visit(f, node, gap.gap_m);
+            }
+        }
+    }
+}
+
+/* Before there is a lattice: the deepest place, and the area that nodes see overlapped. */
+typedef struct {
+    filling f;
+    palp_surface_point deepest;
+    float gap_m, area_m2;
+} approach;
+
+static void measure_node(filling *f, uint32_t node, float gap_m) {
+    approach *a = (approach *)(void *)f; /* its first member */
+    if (gap_m < 0.0f) a->area_m2 += f->r->surface->blob->area_m2[node];
+    if (gap_m >= a->gap_m && !is_deepest(f->r, f->drawn_back_m, node, gap_m)) return;
+    palp_surface_point p = point_at_node(f->r->surface, node);
+    float least = gap_m;
+    if (find_foot(f->r, f->drawn_back_m, &p)) {
+        least = palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m;
+    } else {
+        p = point_at_node(f->r->surface, node);
+    }
+    if (least >= a->gap_m) return;
+    a->gap_m = least;
+    a->deepest = p;
+}
+
+/* A region that no place of the lattice has shown yet. */
+static void seek_region(filling *f, uint32_t node, float gap_m) {
+    palp_surface_point p = point_at_node(f->r->surface, node);
+    if (gap_m < 0.0f) {
+        if (is_known(f, p.y)) return;
+        (void)fill_region(f, &p);
+        return;
+    }
+    if (!is_deepest(f->r, f->drawn_back_m, node, gap_m)) return;
+    if (!find_foot(f->r, f->drawn_back_m, &p) || is_known(f, p.y)) return;
+    if (palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m >= 0.0f) return;
+    (void)fill_region(f, &p);
+}
+
+/* ---- following the overlap ---- */
+
+static void set_axis(palp_lattice *l, palp_vec3 axis) {
+    float length = palp_norm(axis);
+    if (!(length > 1e-20f)) return;
+    l->at.axis = palp_scale(1.0f / length, axis);
+    palp_vec3 t = palp_madd(l->at.tangent[0], -palp_dot(l->at.tangent[0], l->at.axis), l->at.axis);
+    if (palp_norm(t) < 0.3f) {
+        palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
+        t = palp_abs(l->at.axis.x) < 0.7f ? x : y;
+        t = palp_madd(t, -palp_dot(t, l->at.axis), l->at.axis);
+    }
+    l->at.tangent[0] = palp_scale(1.0f / palp_norm(t), t);
+    l->at.tangent[1] = palp_cross(l->at.axis, l->at.tangent[0]);
+}
+
+static palp_vec3 center_of(const palp_tool *tool) {
+    return palp_lattice_is_central(tool) ? tool->ball[0].center_m : (palp_vec3){0};
+}
+
+static void set_origin(palp_lattice *l, const palp_tool *tool) {
+    if (palp_lattice_is_central(tool))
+        l->at.origin_m = palp_madd(center_of(tool), -l->at.back_m, l->at.axis);
+}
+
+/* Spacing of `cells` cells in half of an overlap of A. */
+static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
+    float size = palp_tool_size(r->tool), floor = FLOOR * size;
+    return (0.5f * area_m2 + PALP_PI_F * floor * floor) / (HEX_CELL * r->cells);
+}
+
+static bool begin(palp_lattice *l, const palp_lattice_room *r) {
+    approach a = {.f = {.l = l, .r = r, .drawn_back_m = r->tool_m}, .gap_m = 0.0f};
+    l->placed = false;
+    l->at.back_m = 0.0f;
+    visit_nodes(&a.f, measure_node);
+    if (!(a.gap_m < 0.0f)) return false;
+    float size = palp_tool_size(r->tool), depth = -a.gap_m;
+    palp_vec3 c = palp_add(r->tool_m, center_of(r->tool));
+    palp_gap gap = palp_tool_gap(r->tool, r->tool_m, a.deepest.y);
+    if (palp_lattice_is_central(r->tool)) {
+        set_axis(l, palp_sub(a.deepest.y, c));
+        set_origin(l, r->tool);
+    } else {
+        set_axis(l, palp_lattice_is_flat(r->tool) ? r->tool->pad.axis[2] : gap.normal);
+        l->at.origin_m = palp_sub(a.deepest.y, r->tool_m);
+        l->at.origin_m = palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
+    }
+    l->area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
+    float cell = palp_sqrt(wanted_cell2(r, l->area_m2));
+    l->at.spacing = cell;
+    if (palp_lattice_is_central(r->tool)) {
+        float distance = palp_norm(palp_sub(a.deepest.y, palp_add(r->tool_m, l->at.origin_m)));
+        l->at.spacing = palp_min(cell / palp_max(distance, 0.1f * size), 0.8f);
+    }
+    l->seeds = 1;
+    l->seed[0] = a.deepest;
+    l->placed = true;
+    return true;
+}
+
+/* Moves the lattice to what its points say of the overlap; true when another filling is worth it. */
+static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f) {
+    float weight = 0.0f, square = 0.0f, cells = 0.0f, deepest = 0.0f;
+    palp_vec3 toward = {0}, out = {0};
+    for (uint32_t k = f->first; k < *r->count; k++) {
+        const palp_contact_point *p = &r->point[k];
+        float area = HEX_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
+        palp_vec3 off = palp_sub(p->at.q, palp_add(r->tool_m, l->at.origin_m));
+        weight += w;
+        square += w * p->overlap_m;
+        cells += w * area;
+        deepest = palp_max(deepest, p->overlap_m);
+        toward = palp_madd(toward, w, f->central ? p->direction : off);
+        if (!f->central) out = palp_madd(out, -w, p->at.n);
+    }
+    *r->work += 30u * (uint64_t)(*r->count - f->first);
+    if (!(weight > 0.0f) || !(square > 0.0f)) return false;
+    l->area_m2 = 4.0f / 3.0f * weight * weight / square;
+    float change2 = wanted_cell2(r, l->area_m2) * HEX_CELL * weight / cells;
+    if (f->miss < 0.0f) change2 = palp_max(change2, 1.3f);
+    float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f)), moved;
+    if (f->central) {
+        palp_vec3 before = l->at.axis;
+        set_axis(l, toward);
+        moved = palp_norm(palp_sub(before, l->at.axis)) / l->at.spacing;
+        l->at.spacing = palp_min(l->at.spacing * change, 0.8f);
+    } else {
+        palp_vec3 shift = palp_scale(1.0f / weight, toward);
+        if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
+        l->at.origin_m = palp_add(l->at.origin_m, shift);
+        l->at.origin_m = palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
+        shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
+        moved = palp_norm(shift) / l->at.spacing;
+        l->at.spacing *= change;
+    }
+    float most = DEPTH * palp_tool_size(r->tool), back = palp_max(l->at.back_m + deepest - most, 0.0f);
+    moved += palp_abs(back - l->at.back_m) / most;
+    l->at.back_m = back;
+    set_origin(l, r->tool);
+    return palp_abs(change - 1.0f) > CELL_CHANGE || moved > 0.25f;
+}
+
+static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
+    l->used = l->at;
+    *f = (filling){.l = l, .r = r, .central = palp_lattice_is_central(r->tool), .first = first};
+    f->drawn_back_m = palp_madd(r->tool_m, -l->at.back_m, l->at.axis);
+    *r->count = first;
+}
+
+/* All regions, first those that were there before. */
+static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
+    palp_surface_point seed[PALP_LATTICE_SEEDS];
+    const uint32_t seeds = l->seeds;
+    palp_lattice_clear(r->table);
+    start_filling(f, l, r, first);
+    for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
+    l->seeds = 0;
+    for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
+    visit_nodes(f, seek_region);
+}
+
+uint32_t palp_lattice_place(palp_lattice *lattice, const palp_lattice_room *room) {
+    palp_lattice *l = lattice;
+    const uint32_t first = *room->count;
+    filling f = {.miss = 0.0f};
+    bool begun = !l->placed;
+    if (begun && !begin(l, room)) return 0u;
+    for (uint32_t pass = 0; pass < PALP_LATTICE_PASSES; pass++) {
+        fill(&f, l, room, first);
+        if (*room->count == first) { /* gone, or overtaken: sought anew once */
+            if (begun || !begin(l, room)) break;
+            begun = true;
+            continue;
+        }
+        if (!follow(l, room, &f)) break;
+    }
+    l->placed = *room->count > first;
+    return f.miss < 0.0f ? PALP_LATTICE_FULL : 0u;
+}

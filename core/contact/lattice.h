@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Contact points that travel with a tool: one hexagonal lattice over all that it overlaps.
+ *
+ * A sphere sends its shots from its centre, along the points of a lattice in Lambert's equal-area
+ * map about the lattice's axis; every other tool sends them side by side, along the axis. Where a
+ * shot enters the surface lies a contact point. Points are kept where the tool overlaps the surface
+ * at rest, so they come and go without force. The lattice follows the overlap
+ *
+ *     axis     sum a_i d_i direction_i, normalised (a sphere); origin sum a_i d_i x_i / sum a_i d_i
+ *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,   A = 4/3 (sum a_i d_i)^2 / sum a_i d_i^2
+ *
+ * (a_i: area of the cell, d_i: overlap), so that about `cells` of the points come to carry force,
+ * whatever the size of the contact and however many regions it has.
+ *
+ * A tool that is pressed deep is drawn back along the axis before its overlap is measured, to at
+ * most LATTICE_DEPTH of its size: this only says where points are wanted, not what they feel.
+ */
+#ifndef PALP_CONTACT_LATTICE_H
+#define PALP_CONTACT_LATTICE_H
+
+#include "core/contact/tool.h"
+#include "core/surface/surface.h"
+
+#define PALP_LATTICE_SLOTS 512u /* of the table of lattice places; a power of two */
+#define PALP_LATTICE_SEEDS 8u   /* regions that a tool is followed on */
+#define PALP_LATTICE_PASSES 3u  /* fillings of a tick at most */
+
+/* One contact point. */
+typedef struct {
+    palp_surface_point at;
+    palp_vec3 direction; /* of its shot */
+    float shot_m;        /* length of the shot, to at.q */
+    float facing;        /* - n . direction */
+    float cell_m;        /* spacing of the regular lattice that it stands for */
+    float overlap_m;     /* of the drawn-back tool, at rest; above 0 */
+    uint32_t tool;
+    int16_t i, j;    /* place in the lattice */
+    palp_vec3 m;     /* out of the tool, into the body: direction of the force on the body */
+    palp_vec3 u_m;   /* displacement of the last solve */
+    float force_N;   /* along m, not negative */
+    bool active;     /* in contact */
+    bool left_out;   /* of this tick's active set: its pivot vanished */
+} palp_contact_point;
+
+/* Where the points of each place of a lattice are. */
+typedef struct {
+    uint32_t key[PALP_LATTICE_SLOTS];   /* of a place, never 0; 0: empty */
+    uint16_t point[PALP_LATTICE_SLOTS]; /* number, or PALP_LATTICE_MISS */
+} palp_lattice_table;
+
+#define PALP_LATTICE_MISS 0xffffu
+
+/* How a lattice lies. */
+typedef struct {
+    palp_vec3 axis, tangent[2]; /* orthonormal */
+    palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
+    float back_m;               /* how far the tool is drawn back, along -axis */
+    float spacing;              /* rad for a sphere, else m */
+} palp_lattice_state;
+
+typedef struct {
+    palp_lattice_state at;   /* where the next filling will be */
+    palp_lattice_state used; /* of the points of this tick */
+    float area_m2;           /* A */
+    bool placed;
+    uint32_t seeds;
+    palp_surface_point seed[PALP_LATTICE_SEEDS];
+} palp_lattice;
+
+/* What a lattice works on. */
+typedef struct {
+    const palp_surface *surface;
+    const palp_tool *tool;
+    uint32_t number;            /* of the tool */
+    palp_vec3 tool_m;           /* where it is */
+    float cells;                /* wanted in contact */
+    palp_contact_point *point;  /* [most], the first *count in use by the tools before */
+    uint32_t *count, most;
+    palp_lattice_table *table;  /* of this tool and tick */
+    uint64_t *work;             /* operations so far */
+} palp_lattice_room;
+
+#define PALP_LATTICE_FULL 1u /* more points were wanted than there is room for */
+
+/*
+ * Places the lattice for the tool where it is and adds its points to the room. Returns flags. Cost:
+ * one look at the nodes around the tool; per filling, about four shots for each point.
+ */
+uint32_t palp_lattice_place(palp_lattice *lattice, const palp_lattice_room *room);
+
+/* The point at a place of the lattice, or PALP_LATTICE_MISS. */
+uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j);
+/* Tells the table where the point of a place has gone. */
+void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t point);
+void palp_lattice_clear(palp_lattice_table *table);
+
+/* d cell_m / d facing */
+float palp_lattice_cell_slope(const palp_contact_point *point);
+
+/* One ball: shots from its centre. A pad: an axis of its own, which stays. */
+bool palp_lattice_is_central(const palp_tool *tool);
+bool palp_lattice_is_flat(const palp_tool *tool);
+
+#endif

@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The surface of one elastostatic body: where its points are, and how it gives way between them.
+ *
+ * A point is a place on a triangle. The smooth surface through nodes x_i with normals n_i lies off
+ * the facet by
+ *
+ *     y = q + 1/2 sum_i b_i ((x_i - q) . n_i) n_i,   q = sum_i b_i x_i
+ *
+ * which is exact for a quadratic surface; b are barycentric weights. A force on a point is spread
+ * over the corners with the same weights, and its displacement is the corners' mean with them, so
+ * the compliance between two points (m/N, 3x3)
+ *
+ *     C_ij = B(y_i - y_j) + sum_kl b_ik b_jl H_kl
+ *
+ * is symmetric. B is the half-space's response (Boussinesq, Cerruti), singular at the load, and H
+ * the body's regular rest by its modes (blob.h):
+ *
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) / |r|)
+ *
+ * with n = (n_i + n_j) / 2. A point that stands for a cell of a regular hexagonal lattice of
+ * spacing s has 1 / |r| -> PALP_LATTICE_SELF / s and r r^T / |r|^2 -> (I - n n^T) / 2 in its own B.
+ */
+#ifndef PALP_SURFACE_SURFACE_H
+#define PALP_SURFACE_SURFACE_H
+
+#include "core/base/real.h"
+#include "core/blob/blob.h"
+
+#define PALP_LATTICE_SELF 4.2134225f /* sum over a hexagonal lattice, against its integral */
+#define PALP_SURFACE_WALK 32u        /* triangles that one shot crosses at most */
+
+typedef struct {
+    const palp_blob *blob;     /* kept by reference; has a regular part */
+    float compliance_m2_per_N; /* (1 + nu) / (pi E) */
+    float poisson;
+} palp_surface;
+
+typedef struct {
+    uint32_t triangle;
+    float weight[3]; /* barycentric, not negative, sum 1 */
+    palp_vec3 q;     /* on the facet */
+    palp_vec3 y, n;  /* on the smooth surface; unit normal, outward */
+} palp_surface_point;
+
+/* Errors: ARGUMENT when the blob has no regular part (its contact cannot be felt). */
+palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
+
+/*
+ * The point where the line through `origin` along `direction` enters the surface, found by walking
+ * from triangle to triangle from point->triangle on. False, with only point->triangle changed, when
+ * the walk comes to a triangle that faces away or takes more than PALP_SURFACE_WALK steps. Cost:
+ * about 45 operations per triangle crossed and 60 for the point.
+ */
+bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
+                        palp_surface_point *point);
+
+/* How a point moves when its shot does: derivatives of y and n with respect to q, row-major. */
+void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *point,
+                         float dy_dq[9], float dn_dq[9]);
+
+/* Gradients of the barycentric weights in the plane of a triangle: weight k changes by
+ * gradient[k] . dq. */
+void palp_surface_gradients(const palp_surface *surface, uint32_t triangle, palp_vec3 gradient[3]);
+
+/*
+ * row[a * stride] = sum_k b_k U_ka . d for the first `modes` modes: what a unit force along d at
+ * the point gives them. modes a multiple of PALP_MODE_LANES. Cost: 9 modes.
+ */
+void palp_surface_modes(const palp_surface *surface, const palp_surface_point *point, palp_vec3 d,
+                        uint32_t modes, float *row, size_t stride);
+
+/* What modes with the weights load[modes] (eigenvalue times force) displace a corner by. 3 modes. */
+palp_vec3 palp_surface_corner(const palp_surface *surface, uint32_t node, uint32_t modes,
+                              const float *load);
+
+#endif
