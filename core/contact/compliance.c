@@ -52,6 +52,9 @@ void palp_contact_compliance_row(palp_contact *contact, uint32_t i, uint32_t cou
     c->work_done += (uint64_t)count * (40u + modes);
 }
 
+/* Displacement at a point by the gathered forces and the load of the modes; `f`: its own force. */
+static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f);
+
 void palp_contact_gather(palp_contact *contact) {
     palp_contact *c = contact;
     const uint32_t modes = c->level.modes, n = c->active_count;
@@ -75,7 +78,11 @@ void palp_contact_gather(palp_contact *contact) {
 }
 
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t i) {
-    palp_contact *c = contact;
+    const palp_contact_point *p = &contact->point[i];
+    return displacement(contact, i, palp_scale(p->force_N, p->m));
+}
+
+static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f) {
     const palp_contact_point *point = &c->point[i];
     const float nu = c->surface.poisson, rest = 0.5f - nu;
     const palp_vec3 y = point->at.y, n = point->at.n;
@@ -106,8 +113,7 @@ palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t i) {
     palp_vec3 u = {0};
     for (uint32_t k = 0; k < LANES; k++)
         u = palp_add(u, (palp_vec3){lane[0][k], lane[1][k], lane[2][k]});
-    if (point->force_N > 0.0f) {
-        palp_vec3 f = palp_scale(point->force_N, point->m);
+    if (palp_dot(f, f) > 0.0f) {
         float scale = PALP_LATTICE_SELF / cell, along = palp_dot(f, n);
         u = palp_madd(u, scale * (1.0f - 0.5f * nu), f);
         u = palp_madd(u, -scale * 0.5f * nu * along, n);
@@ -117,4 +123,38 @@ palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t i) {
         u = palp_madd(u, point->at.weight[k], c->node_u_m[c->corner[i][k]]);
     c->work_done += 50u * (uint64_t)c->active_count;
     return u;
+}
+
+void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
+                             float normal_N, float entry[3]) {
+    palp_contact *c = contact;
+    const uint32_t modes = c->level.modes, n = c->active_count;
+    float sum[2][2] = {{0}};
+    for (uint32_t k = 0; k < 2u; k++) {
+        for (uint32_t m = 0; m < modes; m++) c->load[m] = 0.0f;
+        for (uint32_t a = 0; a < n; a++) {
+            const palp_contact_point *p = &c->point[c->active[a]];
+            float share = p->tool == tool ? p->force_N / normal_N : 0.0f;
+            palp_vec3 f = palp_scale(share, tangent[k]);
+            c->pressed[IN_F][a] = f.x;
+            c->pressed[IN_F + 1][a] = f.y;
+            c->pressed[IN_F + 2][a] = f.z;
+            float row[PALP_MAX_MODES];
+            palp_surface_modes(&c->surface, &p->at, f, modes, row, 1);
+            for (uint32_t m = 0; m < modes; m++) c->load[m] += row[m];
+        }
+        for (uint32_t m = 0; m < modes; m++) c->load[m] *= c->surface.blob->regular.value[m];
+        for (uint32_t i = 0; i < c->nodes; i++)
+            c->node_u_m[i] = palp_surface_corner(&c->surface, c->node[i], modes, c->load);
+        for (uint32_t a = 0; a < n; a++) {
+            const palp_contact_point *p = &c->point[c->active[a]];
+            float share = p->tool == tool ? p->force_N / normal_N : 0.0f;
+            palp_vec3 u = displacement(c, c->active[a], palp_scale(share, tangent[k]));
+            for (uint32_t e = 0; e < 2u; e++) sum[k][e] += share * palp_dot(u, tangent[e]);
+        }
+        c->work_done += 10u * (uint64_t)modes * n + 3u * (uint64_t)c->nodes * modes;
+    }
+    entry[0] = sum[0][0];
+    entry[1] = 0.5f * (sum[0][1] + sum[1][0]);
+    entry[2] = sum[1][1];
 }

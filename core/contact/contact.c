@@ -195,41 +195,66 @@ static void linearise(palp_contact *c, uint32_t i) {
     c->work_done += 120u + 9u * c->level.modes;
 }
 
-uint32_t palp_contact_place(palp_contact *contact, const palp_vec3 *tool_m,
-                            const palp_contact_spring *spring) {
+void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
+                        const palp_contact_spring *spring) {
     palp_contact *c = contact;
     c->level = palp_contact_level_of(c->now, c->surface.blob->regular.modes);
     swap_ticks(c);
     forget_nodes(c);
     c->flags = c->row = c->iterations = 0;
+    c->filling = c->fillings = c->first = 0;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->tool_m[t] = tool_m[t];
         c->spring[t] = spring[t];
         palp_lattice_clear(&c->table[t]);
-        palp_lattice_room room = {.surface = &c->surface,
-                                  .tool = &c->tools[t],
-                                  .number = t,
-                                  .tool_m = tool_m[t],
-                                  .cells = (float)c->level.cells,
-                                  .point = c->point,
-                                  .count = &c->places,
-                                  .most = c->level.points,
-                                  .table = &c->table[t],
-                                  .work = &c->work_done};
-        if ((palp_lattice_place(&c->lattice[t], &room) & PALP_LATTICE_FULL) != 0u)
-            c->flags |= PALP_CONTACT_FULL;
     }
+}
+
+/* The present tool's lattice is as it should be. */
+static void next_tool(palp_contact *c) {
+    c->filling++;
+    c->fillings = 0;
+    c->first = c->places;
+}
+
+bool palp_contact_may_skip(const palp_contact *contact) { return contact->fillings > 0u; }
+
+void palp_contact_skip(palp_contact *contact) { next_tool(contact); }
+
+bool palp_contact_fill(palp_contact *contact) {
+    palp_contact *c = contact;
+    const uint32_t t = c->filling;
+    if (t >= c->tool_count) return false;
+    const palp_lattice_room room = {.surface = &c->surface,
+                                    .tool = &c->tools[t],
+                                    .number = t,
+                                    .tool_m = c->tool_m[t],
+                                    .cells = (float)c->level.cells,
+                                    .point = c->point,
+                                    .count = &c->places,
+                                    .most = c->level.points,
+                                    .table = &c->table[t],
+                                    .work = &c->work_done};
+    uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);
+    bool again = (flags & PALP_LATTICE_MOVED) != 0u && ++c->fillings < PALP_LATTICE_FILLINGS;
+    if (!again) {
+        if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;
+        next_tool(c);
+    }
+    return c->filling < c->tool_count;
+}
+
+uint32_t palp_contact_points(palp_contact *contact) {
+    palp_contact *c = contact;
     sort_places(c);
     for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
+    if (c->count == 0u) c->active_count = 0;
     return c->count;
 }
 
 /* ---- the complementarity problem ---- */
 
-bool palp_contact_assemble(palp_contact *contact) {
-    palp_contact *c = contact;
-    if (c->row == c->count) return false;
-    const uint32_t i = c->row++;
+static void assemble_row(palp_contact *c, uint32_t i) {
     const palp_contact_point *p = &c->point[i];
     const float k = c->spring[p->tool].stiffness_N_per_m, give = k > 0.0f ? 1.0f / k : 0.0f;
     float *row = c->g + (size_t)i * c->room;
@@ -239,6 +264,11 @@ bool palp_contact_assemble(palp_contact *contact) {
         row[j] += same ? give * palp_dot(p->m, c->point[j].m) : 0.0f;
         c->g[(size_t)j * c->room + i] = row[j];
     }
+}
+
+bool palp_contact_assemble(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t k = 0; k < PALP_CONTACT_ROWS && c->row < c->count; k++) assemble_row(c, c->row++);
     return c->row < c->count;
 }
 
@@ -335,11 +365,14 @@ void palp_contact_finish(palp_contact *contact) {
 
 void palp_contact_solve(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring) {
-    palp_contact_place(contact, tool_m, spring);
-    /* at most room */
-    while (palp_contact_assemble(contact)) {}
-    /* at most PALP_CONTACT_ITERATIONS */
-    while (contact->count > 0u && palp_contact_iterate(contact)) {}
-    if (contact->count == 0u) contact->active_count = 0;
+    palp_contact_begin(contact, tool_m, spring);
+    /* at most tools times PALP_LATTICE_FILLINGS */
+    while (palp_contact_fill(contact)) {}
+    if (palp_contact_points(contact) > 0u) {
+        /* at most room / PALP_CONTACT_ROWS */
+        while (palp_contact_assemble(contact)) {}
+        /* at most PALP_CONTACT_ITERATIONS */
+        while (palp_contact_iterate(contact)) {}
+    }
     palp_contact_finish(contact);
 }

@@ -23,8 +23,10 @@
  *
  * Calls of a tick, in this order, so that the caller can look at the clock in between:
  *
- *     palp_contact_place       points under the tools where they are expected
- *     palp_contact_assemble    one row of g at a time
+ *     palp_contact_begin       tools where they are expected
+ *     palp_contact_fill        their lattices, one filling at a time; second ones may be skipped
+ *     palp_contact_points      what the points ask
+ *     palp_contact_assemble    some rows of g at a time
  *     palp_contact_iterate     one change of the active set at a time
  *     palp_contact_finish      displacements, forces, where the tools come to rest
  */
@@ -38,6 +40,7 @@
 #define PALP_CONTACT_TOOLS 4u
 #define PALP_CONTACT_MAX_POINTS 126u /* of the finest level there is */
 #define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
+#define PALP_CONTACT_ROWS 8u        /* of g that one call assembles */
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
@@ -101,6 +104,7 @@ typedef struct {
     float *target, *lambda, *scratch; /* [room] */
     uint32_t *active;                 /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
+    uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */
     uint64_t work_done;
 } palp_contact;
 
@@ -118,13 +122,22 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
 /* Forgets all contacts. */
 void palp_contact_clear(palp_contact *contact);
 
-/* Points under the tools at tool_m[tool_count], which hang on `spring`. Returns how many. */
-uint32_t palp_contact_place(palp_contact *contact, const palp_vec3 *tool_m,
-                            const palp_contact_spring *spring);
-/* One row of g; false when all are there. Cost of row i: i (30 + modes), 9 modes. */
+/* A tick with the tools at tool_m[tool_count], which hang on spring[tool_count]. */
+void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
+                        const palp_contact_spring *spring);
+/* One filling of one lattice (palp_lattice_fill); false when there is none left to do. */
+bool palp_contact_fill(palp_contact *contact);
+/* Whether the next one is a second or third of the same lattice; and to leave that out. */
+bool palp_contact_may_skip(const palp_contact *contact);
+void palp_contact_skip(palp_contact *contact);
+/* Returns how many contact points there are. Each: 200 and 9 modes. */
+uint32_t palp_contact_points(palp_contact *contact);
+/* PALP_CONTACT_ROWS rows of g; false when all are there. Row i: i (30 + modes). */
 bool palp_contact_assemble(palp_contact *contact);
 /* One change of the active set with its factor, a^3 / 6 + a^2 + count a; false when settled. */
 bool palp_contact_iterate(palp_contact *contact);
+/* Forces, displacements, exact gradient: points (30 a + 60), a (60 a), 1500 per place, corners 9
+ * modes. */
 void palp_contact_finish(palp_contact *contact);
 
 /* All of them. */

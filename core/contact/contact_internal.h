@@ -33,6 +33,11 @@ void palp_contact_gather(palp_contact *contact);
 /* Displacement of a point by the gathered forces. */
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t i);
 
+/* entry[11, 12, 22]: t_a . C t_b of the tangential forces lambda / normal_N of one tool. Destroys
+ * what was gathered. */
+void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
+                             float normal_N, float entry[3]);
+
 /* d/dc (f . y + f C f / 2) of the gathered forces for each tool: what the force on it has beyond
  * - sum lambda m. Zero for tools without contact. */
 void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_TOOLS]);

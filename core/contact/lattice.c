@@ -24,10 +24,10 @@ void palp_lattice_clear(palp_lattice_table *table) {
     for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) table->key[k] = 0u;
 }
 
-/* Slot of a place: where it is, or where it would go. The table never fills up: at most half of it
- * is used. */
+/* Slot of a place: where it is, or where it would go. The table never fills up: places that are
+ * looked at are fewer than half of it. */
 static uint32_t slot_of(const palp_lattice_table *t, uint32_t key) {
-    uint32_t slot = (key * 2654435761u) >> 23u;
+    uint32_t slot = (key * 2654435761u) >> 22u;
     for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) {
         uint32_t at = (slot + k) & (PALP_LATTICE_SLOTS - 1u);
         if (t->key[at] == key || t->key[at] == 0u) return at;
@@ -55,8 +55,9 @@ typedef struct {
     const palp_lattice_room *r;
     palp_vec3 drawn_back_m; /* the tool's reference point */
     bool central;
-    uint32_t first, used; /* points of this tool begin here; places looked at */
-    float miss;           /* smallest gap that a place showed that has no point */
+    uint32_t first; /* points of this tool begin here */
+    uint32_t looks, crossings, rings, feet; /* left in this filling */
+    bool full;                              /* something was left out */
 } filling;
 
 static palp_vec3 direction_of(const filling *f, float a, float b) {
@@ -99,8 +100,8 @@ static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
         from = palp_madd(from, a, l->at.tangent[0]);
         from = palp_madd(from, b, l->at.tangent[1]);
     }
-    *f->r->work += 240u;
-    if (!palp_surface_shoot(f->r->surface, from, p->direction, &p->at)) return false;
+    *f->r->work += 200u;
+    if (!palp_surface_shoot(f->r->surface, from, p->direction, &f->crossings, &p->at)) return false;
     p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
     p->facing = -palp_dot(p->at.n, p->direction);
     palp_gap gap = palp_tool_gap(f->r->tool, f->drawn_back_m, p->at.y);
@@ -118,8 +119,10 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     const palp_lattice_room *r = f->r;
     if (i < -PLACE_MOST || i > PLACE_MOST || j < -PLACE_MOST || j > PLACE_MOST) return;
     uint32_t key = key_of(i, j), slot = slot_of(r->table, key);
-    if (r->table->key[slot] == key || f->used >= PALP_LATTICE_SLOTS / 2u) return;
-    f->used++;
+    if (r->table->key[slot] == key) return;
+    f->full = f->full || f->looks == 0u;
+    if (f->looks == 0u) return;
+    f->looks--;
     r->table->key[slot] = key;
     r->table->point[slot] = PALP_LATTICE_MISS;
     palp_contact_point *p = &r->point[*r->count];
@@ -128,7 +131,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     if (f->central && a * a + b * b >= 3.9f) return;
     if (!shoot(f, a, b, p) || p->overlap_m <= 0.0f) return;
     if (*r->count + 1u >= r->most) {
-        f->miss = -1.0f;
+        f->full = true;
         return;
     }
     p->tool = r->number;
@@ -191,15 +194,20 @@ static bool fill_region(filling *f, const palp_surface_point *from) {
 /* ---- regions ---- */
 
 /* From a node towards the point of the surface that lies deepest in the tool nearby. */
-static bool find_foot(const palp_lattice_room *r, palp_vec3 from, palp_surface_point *p) {
+static bool find_foot(filling *f, palp_surface_point *p) {
+    const palp_lattice_room *r = f->r;
+    const palp_vec3 from = f->drawn_back_m;
     palp_vec3 d;
+    f->full = f->full || f->feet == 0u;
+    if (f->feet == 0u) return false;
+    f->feet--;
     for (uint32_t k = 0; k < FEET; k++) {
         palp_gap gap = palp_tool_gap(r->tool, from, p->y);
         d = k == 0u ? gap.normal : palp_scale(-1.0f, p->n);
         palp_vec3 at = palp_lattice_is_central(r->tool) ? palp_add(from, r->tool->ball[0].center_m)
                                                         : palp_madd(p->y, -gap.gap_m, gap.normal);
         *r->work += 200u;
-        if (!palp_surface_shoot(r->surface, at, d, p)) return false;
+        if (!palp_surface_shoot(r->surface, at, d, &f->crossings, p)) return false;
     }
     return palp_dot(palp_tool_gap(r->tool, from, p->y).normal, p->n) < 0.0f;
 }
@@ -232,14 +240,22 @@ static cell_range cells_around(const palp_blob *b, palp_vec3 c, float reach) {
 }
 
 /* No neighbour lies deeper in the tool. */
-static bool is_deepest(const palp_lattice_room *r, palp_vec3 tool_m, uint32_t node, float gap_m) {
+static bool is_deepest(filling *f, uint32_t node, float gap_m) {
+    const palp_lattice_room *r = f->r;
     const palp_blob *b = r->surface->blob;
+    f->full = f->full || f->rings == 0u;
+    if (f->rings == 0u) return false;
+    f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
         *r->work += 60u;
-        if (palp_tool_gap(r->tool, tool_m, x).gap_m < gap_m) return false;
+        if (palp_tool_gap(r->tool, f->drawn_back_m, x).gap_m < gap_m) return false;
     }
     return true;
+}
+
+float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
+    return palp_tool_extent(tool) + MARGIN * blob->meta->mean_edge_m;
 }
 
 typedef void (*node_visit)(filling *f, uint32_t node, float gap_m);
@@ -250,7 +266,7 @@ static void visit_nodes(filling *f, node_visit visit) {
     const palp_blob *b = r->surface->blob;
     const palp_meta *m = b->meta;
     const float margin = MARGIN * m->mean_edge_m;
-    const float reach = palp_tool_extent(r->tool) + margin;
+    const float reach = palp_lattice_reach(r->tool, b);
     const palp_vec3 c = f->drawn_back_m;
     cell_range cells = cells_around(b, c, reach);
     for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
@@ -283,10 +299,10 @@ typedef struct {
 static void measure_node(filling *f, uint32_t node, float gap_m) {
     approach *a = (approach *)(void *)f; /* its first member */
     if (gap_m < 0.0f) a->area_m2 += f->r->surface->blob->area_m2[node];
-    if (gap_m >= a->gap_m && !is_deepest(f->r, f->drawn_back_m, node, gap_m)) return;
+    if (gap_m >= a->gap_m && !is_deepest(f, node, gap_m)) return;
     palp_surface_point p = point_at_node(f->r->surface, node);
     float least = gap_m;
-    if (find_foot(f->r, f->drawn_back_m, &p)) {
+    if (find_foot(f, &p)) {
         least = palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m;
     } else {
         p = point_at_node(f->r->surface, node);
@@ -304,10 +320,24 @@ static void seek_region(filling *f, uint32_t node, float gap_m) {
         (void)fill_region(f, &p);
         return;
     }
-    if (!is_deepest(f->r, f->drawn_back_m, node, gap_m)) return;
-    if (!find_foot(f->r, f->drawn_back_m, &p) || is_known(f, p.y)) return;
+    if (!is_deepest(f, node, gap_m)) return;
+    if (!find_foot(f, &p) || is_known(f, p.y)) return;
     if (palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
+}
+
+static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
+    l->used = l->at;
+    *f = (filling){.l = l,
+                   .r = r,
+                   .drawn_back_m = palp_madd(r->tool_m, -l->at.back_m, l->at.axis),
+                   .central = palp_lattice_is_central(r->tool),
+                   .first = first,
+                   .looks = PALP_LATTICE_LOOKS(r->most),
+                   .crossings = PALP_LATTICE_CROSSINGS(r->most),
+                   .rings = PALP_LATTICE_RINGS,
+                   .feet = PALP_LATTICE_FEET};
+    *r->count = first;
 }
 
 /* ---- following the overlap ---- */
@@ -342,9 +372,10 @@ static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
 }
 
 static bool begin(palp_lattice *l, const palp_lattice_room *r) {
-    approach a = {.f = {.l = l, .r = r, .drawn_back_m = r->tool_m}, .gap_m = 0.0f};
+    approach a = {.gap_m = 0.0f};
     l->placed = false;
     l->at.back_m = 0.0f;
+    start_filling(&a.f, l, r, *r->count);
     visit_nodes(&a.f, measure_node);
     if (!(a.gap_m < 0.0f)) return false;
     float size = palp_tool_size(r->tool), depth = -a.gap_m;
@@ -390,7 +421,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
     l->area_m2 = 4.0f / 3.0f * weight * weight / square;
     float change2 = wanted_cell2(r, l->area_m2) * HEX_CELL * weight / cells;
-    if (f->miss < 0.0f) change2 = palp_max(change2, 1.3f);
+    if (f->full) change2 = palp_max(change2, 1.3f);
     float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f)), moved;
     if (f->central) {
         palp_vec3 before = l->at.axis;
@@ -413,13 +444,6 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     return palp_abs(change - 1.0f) > CELL_CHANGE || moved > 0.25f;
 }
 
-static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
-    l->used = l->at;
-    *f = (filling){.l = l, .r = r, .central = palp_lattice_is_central(r->tool), .first = first};
-    f->drawn_back_m = palp_madd(r->tool_m, -l->at.back_m, l->at.axis);
-    *r->count = first;
-}
-
 /* All regions, first those that were there before. */
 static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
     palp_surface_point seed[PALP_LATTICE_SEEDS];
@@ -432,21 +456,17 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     visit_nodes(f, seek_region);
 }
 
-uint32_t palp_lattice_place(palp_lattice *lattice, const palp_lattice_room *room) {
+uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {
     palp_lattice *l = lattice;
-    const uint32_t first = *room->count;
-    filling f = {.miss = 0.0f};
+    filling f;
     bool begun = !l->placed;
+    *room->count = first;
     if (begun && !begin(l, room)) return 0u;
-    for (uint32_t pass = 0; pass < PALP_LATTICE_PASSES; pass++) {
+    fill(&f, l, room, first);
+    if (*room->count == first && !begun && begin(l, room)) /* overtaken: sought anew */
         fill(&f, l, room, first);
-        if (*room->count == first) { /* gone, or overtaken: sought anew once */
-            if (begun || !begin(l, room)) break;
-            begun = true;
-            continue;
-        }
-        if (!follow(l, room, &f)) break;
-    }
     l->placed = *room->count > first;
-    return f.miss < 0.0f ? PALP_LATTICE_FULL : 0u;
+    if (!l->placed) return 0u;
+    bool moved = follow(l, room, &f);
+    return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

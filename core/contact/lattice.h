@@ -22,9 +22,14 @@
 #include "core/contact/tool.h"
 #include "core/surface/surface.h"
 
-#define PALP_LATTICE_SLOTS 512u /* of the table of lattice places; a power of two */
-#define PALP_LATTICE_SEEDS 8u   /* regions that a tool is followed on */
-#define PALP_LATTICE_PASSES 3u  /* fillings of a tick at most */
+#define PALP_LATTICE_SLOTS 1024u /* of the table of lattice places; a power of two */
+#define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
+#define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
+/* What one filling does at most, with room for so many points. */
+#define PALP_LATTICE_LOOKS(room) (3u * (room))            /* places looked at, each one shot */
+#define PALP_LATTICE_CROSSINGS(room) (12u * (room) + 256u) /* triangles crossed by all shots */
+#define PALP_LATTICE_RINGS 64u /* nodes compared with all their neighbours */
+#define PALP_LATTICE_FEET 12u  /* nearest points of the surface sought, four shots each */
 
 /* One contact point. */
 typedef struct {
@@ -81,13 +86,18 @@ typedef struct {
     uint64_t *work;             /* operations so far */
 } palp_lattice_room;
 
-#define PALP_LATTICE_FULL 1u /* more points were wanted than there is room for */
+#define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */
+#define PALP_LATTICE_MOVED 2u /* the overlap asks for another filling */
 
 /*
- * Places the lattice for the tool where it is and adds its points to the room. Returns flags. Cost:
- * one look at the nodes around the tool; per filling, about four shots for each point.
+ * Lays the lattice for the tool where it is and puts its points behind the first `first` of the
+ * room, in place of those that an earlier filling of this tick left there. Returns flags. Cost: one
+ * look at every node around the tool (two where it touched nothing before), and the counts above.
  */
-uint32_t palp_lattice_place(palp_lattice *lattice, const palp_lattice_room *room);
+uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
+
+/* Radius about its reference point within which a tool's filling looks at nodes (m). */
+float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob);
 
 /* The point at a place of the lattice, or PALP_LATTICE_MISS. */
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j);

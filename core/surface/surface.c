@@ -60,10 +60,11 @@ static void fill_point(const palp_surface *s, palp_surface_point *p) {
 }
 
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
-                        palp_surface_point *point) {
+                        uint32_t *crossings, palp_surface_point *point) {
     float slack = EDGE_SLACK;
-    for (uint32_t step = 0; step < PALP_SURFACE_WALK; step++, slack = palp_min(2.0f * slack, 1e-3f)) {
+    for (uint32_t step = 0; step < PALP_SURFACE_CROSSINGS && *crossings > 0u; step++) {
         float volume[3];
+        (*crossings)--;
         float sum = edge_volumes(surface, point->triangle, origin, direction, volume);
         if (!(sum < 0.0f)) return false;
         uint32_t out = 0;
@@ -72,6 +73,7 @@ bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3
         }
         if (volume[out] > -slack * sum) {
             point->triangle = surface->blob->regular.across[3u * (size_t)point->triangle + out];
+            slack = palp_min(2.0f * slack, 1e-3f);
             continue;
         }
         float total = 0.0f;

@@ -28,7 +28,7 @@
 #include "core/blob/blob.h"
 
 #define PALP_LATTICE_SELF 4.2134225f /* sum over a hexagonal lattice, against its integral */
-#define PALP_SURFACE_WALK 32u        /* triangles that one shot crosses at most */
+#define PALP_SURFACE_CROSSINGS 32u   /* triangles that one shot crosses at most */
 
 typedef struct {
     const palp_blob *blob;     /* kept by reference; has a regular part */
@@ -49,11 +49,12 @@ palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
 /*
  * The point where the line through `origin` along `direction` enters the surface, found by walking
  * from triangle to triangle from point->triangle on. False, with only point->triangle changed, when
- * the walk comes to a triangle that faces away or takes more than PALP_SURFACE_WALK steps. Cost:
- * about 45 operations per triangle crossed and 60 for the point.
+ * the walk comes to a triangle that faces away, takes PALP_SURFACE_CROSSINGS steps, or has used up
+ * *crossings, from which every step is taken away. Cost: about 45 operations per triangle and 60 for
+ * the point.
  */
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
-                        palp_surface_point *point);
+                        uint32_t *crossings, palp_surface_point *point);
 
 /* How a point moves when its shot does: derivatives of y and n with respect to q, row-major. */
 void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *point,

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: MIT */
+#include "core/haptic/coupling.h"
+
+#define LARGEST_MOVE 1.0f  /* of a tool that is free, over its size, per tick */
+#define LARGEST_STEP 0.5f  /* of a tool in contact, from where it was foreseen, over its size */
+#define APART 1.001f       /* of a tool that is put on the surface, over its extent */
+
+void palp_coupling_reset(palp_coupling *coupling) {
+    for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
+        palp_coupling_tool *k = &coupling->tool[t];
+        k->placed = k->touching = false;
+        k->contact_N = k->offset_N = (palp_vec3){0};
+        k->contact_stiffness_N_per_m = 0.0f;
+        palp_friction_reset(&k->friction);
+    }
+    coupling->changed = false;
+}
+
+/* `to`, or as far towards it as `farthest`. */
+static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
+    palp_vec3 move = palp_sub(to, from);
+    float length = palp_norm(move);
+    return length > farthest ? palp_madd(from, farthest / length, move) : to;
+}
+
+/* A place for a tool that is found at `at`: there, or above the surface if that is inside the
+ * body, seen from the nearest node. */
+static palp_vec3 outside(const palp_contact *c, uint32_t t, palp_vec3 at) {
+    const palp_blob *b = c->surface.blob;
+    uint32_t nearest = 0;
+    float least = 0.0f;
+    for (uint32_t i = 0; i < b->meta->nodes; i++) {
+        palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)i), at);
+        float distance2 = palp_dot(d, d);
+        if (i > 0u && distance2 >= least) continue;
+        nearest = i;
+        least = distance2;
+    }
+    palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)nearest);
+    palp_vec3 n = palp_vec3_at(b->normal + 3u * (size_t)nearest);
+    if (palp_dot(palp_sub(at, x), n) >= 0.0f) return at;
+    return palp_madd(x, APART * palp_tool_extent(&c->tools[t]), n);
+}
+
+static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float size) {
+    if (!k->touching) return approach(k->tool_m, device_m, LARGEST_MOVE * size);
+    palp_vec3 dx = palp_sub(device_m, k->device_m);
+    float force = palp_norm(k->contact_N);
+    palp_vec3 moved = palp_add(k->tool_m, dx);
+    if (!(force > 0.0f)) return moved;
+    float along = palp_dot(k->contact_N, dx) / (force * force);
+    float share = k->contact_stiffness_N_per_m /
+                  (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
+    moved = palp_madd(moved, -along * share, k->contact_N);
+    /* friction that sticks holds the tool across the contact, too */
+    if (!k->friction.touching || k->friction.slipping) return moved;
+    palp_vec3 across = palp_madd(dx, -along, k->contact_N);
+    return palp_madd(moved, -palp_friction_share(&k->friction, k->stiffness_N_per_m), across);
+}
+
+void palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
+                         const palp_vec3 *device_m) {
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        palp_coupling_tool *k = &coupling->tool[t];
+        float size = palp_tool_size(&contact->tools[t]);
+        coupling->next_m[t] = device_m[t];
+        if (!k->placed) {
+            k->tool_m = k->expected_m = outside(contact, t, device_m[t]);
+            k->device_m = device_m[t];
+            continue;
+        }
+        k->expected_m = foresee(k, device_m[t], size);
+    }
+}
+
+void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
+                           palp_vec3 *tool_m, palp_contact_spring *spring) {
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        const palp_coupling_tool *k = &coupling->tool[t];
+        palp_vec3 held = palp_add(k->friction.force_N, k->offset_N);
+        tool_m[t] = k->expected_m;
+        spring[t].stiffness_N_per_m = k->stiffness_N_per_m;
+        spring[t].held_m = palp_madd(coupling->next_m[t], 1.0f / k->stiffness_N_per_m, held);
+    }
+}
+
+/* Ends a tick for one tool, at rest at `tool_m`. */
+static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float stored_J, float dt_s,
+                palp_coupling_result *result) {
+    palp_coupling_tool *k = &coupling->tool[t];
+    const palp_vec3 device = coupling->next_m[t];
+    palp_vec3 force = {0};
+    bool before = k->placed && k->touching;
+    float moved = palp_norm(palp_sub(tool_m, k->expected_m));
+    k->tool_m = tool_m;
+    if (k->touching) force = palp_scale(k->stiffness_N_per_m, palp_sub(tool_m, device));
+    float energy = stored_J + palp_friction_energy(&k->friction) +
+                   0.5f / k->stiffness_N_per_m * palp_dot(force, force);
+    if (before && k->touching) {
+        palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
+        force = palp_madd(force, -k->damping_Ns_per_m, velocity);
+    }
+    k->device_m = device;
+    k->placed = true;
+    k->offset_N = palp_scale(1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f), k->offset_N);
+    result[t] = (palp_coupling_result){
+        .force_N = force, .tool_m = tool_m, .moved_m = moved, .energy_J = energy};
+}
+
+void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt_s,
+                        palp_coupling_result *result) {
+    const palp_contact *c = contact;
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        palp_coupling_tool *k = &coupling->tool[t];
+        const float size = palp_tool_size(&c->tools[t]), force = palp_norm(c->force_N[t]);
+        palp_vec3 rest = c->rest_m[t];
+        if (coupling->changed && k->touching && c->normal_N[t] > 0.0f) {
+            palp_vec3 foreseen = palp_sub(k->expected_m, rest);
+            palp_vec3 offset = palp_scale(k->stiffness_N_per_m, foreseen);
+            float most = PALP_COUPLING_OFFSET * force, length = palp_norm(offset);
+            if (length > most) offset = palp_scale(most / length, offset);
+            k->offset_N = palp_add(k->offset_N, offset);
+            rest = palp_madd(rest, 1.0f / k->stiffness_N_per_m, offset);
+        }
+        if (c->tools[t].friction > 0.0f) {
+            palp_vec3 before = k->friction.force_N;
+            palp_friction_solve(&k->friction, contact, t, rest, k->stiffness_N_per_m);
+            rest = palp_madd(rest, 1.0f / k->stiffness_N_per_m,
+                             palp_sub(k->friction.force_N, before));
+        }
+        k->touching = c->normal_N[t] > 0.0f;
+        k->contact_N = c->force_N[t];
+        k->contact_stiffness_N_per_m =
+            c->energy_J > 0.0f ? 0.6f * force * force / c->energy_J : 0.0f;
+        if (!k->touching) k->offset_N = (palp_vec3){0};
+        if (k->touching) {
+            rest = approach(k->expected_m, rest, LARGEST_STEP * size);
+        } else {
+            rest = k->expected_m;
+        }
+        end(coupling, t, rest, c->energy_J, dt_s, result);
+        if (c->tools[t].friction > 0.0f) palp_friction_settle(&k->friction, rest);
+    }
+    coupling->changed = false;
+}
+
+void palp_coupling_hold(palp_coupling *coupling, const palp_contact *contact, float dt_s,
+                        palp_coupling_result *result) {
+    for (uint32_t t = 0; t < contact->tool_count; t++) {
+        palp_coupling_tool *k = &coupling->tool[t];
+        if (k->touching) { /* what the spring now carries is what the contact is taken to give */
+            palp_vec3 spring = palp_scale(k->stiffness_N_per_m,
+                                          palp_sub(k->expected_m, coupling->next_m[t]));
+            palp_vec3 contact_N = palp_sub(palp_sub(spring, k->friction.force_N), k->offset_N);
+            if (palp_dot(contact_N, k->contact_N) > 0.0f) {
+                k->contact_N = contact_N;
+            } else { /* it has let go */
+                k->touching = false;
+                k->contact_N = (palp_vec3){0};
+                k->expected_m = coupling->next_m[t];
+            }
+        }
+        end(coupling, t, k->expected_m, contact->energy_J, dt_s, result);
+    }
+}

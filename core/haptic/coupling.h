@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Virtual coupling: each tool hangs on its device by a spring, and the contact finds where it comes
+ * to rest on the surface (a proxy, with the device's limit of stiffness).
+ *
+ *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left over
+ *     force on the hand = k (tool - device) - b v    while touching, else 0
+ *
+ * Where the tool will be is foreseen from what the last contact resisted with: along its force with
+ * the stiffness k_c = 0.6 F^2 / E (exact for Hertz' law), not at all across it,
+ *
+ *     tool' = tool + dx - n (n . dx) k_c / (k_c + k),   dx: motion of the device
+ *
+ * That place serves to lay the contact points, and as the answer of a tick that has no time for
+ * more: the body goes on resisting as it did. A tool that leaves the surface is put at the device.
+ *
+ * A change of the constraint level changes F by a few per cent. The difference O is kept as a force
+ * of its own, which fades with PALP_COUPLING_FADE_S; it is never more than PALP_COUPLING_OFFSET of
+ * F, so what it gives or takes is bounded in size and in time.
+ */
+#ifndef PALP_HAPTIC_COUPLING_H
+#define PALP_HAPTIC_COUPLING_H
+
+#include "core/contact/friction.h"
+
+#define PALP_COUPLING_FADE_S 0.03f
+#define PALP_COUPLING_OFFSET 0.1f
+
+/* One tool on its spring. */
+typedef struct {
+    float stiffness_N_per_m; /* k > 0 */
+    float damping_Ns_per_m;  /* b >= 0 */
+    palp_vec3 tool_m, device_m;
+    palp_vec3 expected_m;     /* the tool, foreseen for the tick under way */
+    palp_vec3 contact_N;      /* F of the last answer */
+    palp_vec3 offset_N;       /* O */
+    float contact_stiffness_N_per_m; /* k_c */
+    palp_friction friction;
+    bool placed, touching;
+} palp_coupling_tool;
+
+typedef struct {
+    palp_coupling_tool tool[PALP_CONTACT_TOOLS];
+    palp_vec3 next_m[PALP_CONTACT_TOOLS]; /* devices in the tick under way */
+    bool changed;                         /* the level has changed since the last answer */
+} palp_coupling;
+
+typedef struct {
+    palp_vec3 force_N; /* on the device */
+    palp_vec3 tool_m;
+    float moved_m;  /* how far the tool came to rest from where it was foreseen */
+    float energy_J; /* stored in the contact, this tool's spring and friction */
+} palp_coupling_result;
+
+/* Lets all tools go; the next tick finds them at the device, or on the surface above it. */
+void palp_coupling_reset(palp_coupling *coupling);
+
+/* Begins a tick with the devices at device_m[tool_count]. Cost: 60 per tool; at its first tick a
+ * look at every node. */
+void palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
+                         const palp_vec3 *device_m);
+
+/* Where the contact should look, and the springs that it should solve with. */
+void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
+                           palp_vec3 *tool_m, palp_contact_spring *spring);
+
+/* Takes the solved contact over as this tick's answer. Friction: palp_friction_solve. */
+void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt_s,
+                        palp_coupling_result *result);
+
+/* Goes on without a contact: the answer is what was foreseen. 40 per tool. */
+void palp_coupling_hold(palp_coupling *coupling, const palp_contact *contact, float dt_s,
+                        palp_coupling_result *result);
+
+#endif
