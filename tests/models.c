@@ -195,9 +195,10 @@ baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool hal
     b.normal = allocate(m.vertices, sizeof *b.normal);
     for (uint32_t i = 0; i < m.vertices; i++) b.fixed[i] = m.x[i][2] <= below;
     mesh_nodal(&b.m, b.area, b.normal);
-    build_options options = {
-        .wavelet = {.lifted = true}, .compress = {.epsilon = epsilon, .half = half}, .raw = raw,
-        .modes = BUILD_MODES};
+    build_options options = {.wavelet = {.lifted = true},
+                             .compress = {.epsilon = epsilon, .half = half},
+                             .raw = raw,
+                             .modes = BUILD_MODES};
     b.d = domains_build(&b.m, b.fixed, b.area, options.wavelet);
     options.constraint_level = b.d.domain[PALP_FREE].view.levels - 1;
     options.table_bytes = table_bytes;

@@ -45,7 +45,8 @@ static const char help[] =
     "  --detail-levels K       Loop steps of that surface, 1 to 3 (default 1)\n"
     "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
     "(default 8; of each zone 64)\n"
-    "  --modes N               modes of the regular part that contact uses, 0 to 128 (default 56);\n"
+    "  --modes N               modes of the regular part that contact uses, 0 to 128 (default "
+    "56);\n"
     "                          0: a body that cannot be touched\n"
     "  --storage f32|f16       how columns are stored (default f32)\n"
     "  --reciprocity enforce|raw   raw keeps the unsymmetric collocation result (study only)\n"
@@ -232,7 +233,9 @@ static void report(FILE *f, const built *b, const detail_data *detail, double se
     }
     fprintf(f, "\n");
     if (m->modes > 0) {
-        fprintf(f, "contact               %" PRIu32 " modes, %.2g of the compliance left over; %zu bytes\n",
+        fprintf(f,
+                "contact               %" PRIu32
+                " modes, %.2g of the compliance left over; %zu bytes\n",
                 m->modes, b->left_over,
                 6 * (size_t)m->nodes * m->modes + 12 * (size_t)m->triangles + 4 * (size_t)m->modes);
     }

@@ -24,7 +24,7 @@ typedef struct {
     uint8_t *bytes;
     size_t size;
     palp_meta meta;
-    double softened; /* largest softening over a node's own compliance */
+    double softened;  /* largest softening over a node's own compliance */
     double left_over; /* of regular_data */
 } built;
 

@@ -14,6 +14,7 @@ int command_solve(int argc, char **argv);
 int command_study(int argc, char **argv);
 int command_reproduce(int argc, char **argv);
 int command_wcet(int argc, char **argv);
+int command_feel(int argc, char **argv);
 int command_calibrate(int argc, char **argv);
 int command_pack(int argc, char **argv);
 int command_unpack(int argc, char **argv);

@@ -18,6 +18,7 @@ static const struct {
     {"study", command_study, "error against compression of a body, every wavelet and level"},
     {"reproduce", command_reproduce, "the paper's tables and figures from our own models"},
     {"wcet", command_wcet, "bound every step of a tick on a target, and say whether it is in time"},
+    {"feel", command_feel, "the bench of felt quality: accuracy, ripple, stalls, slow controllers"},
     {"calibrate", command_calibrate, "measure how fast this machine does what the bounds count"},
     {"pack", command_pack, "quantise and entropy-code a blob for transport"},
     {"unpack", command_unpack, "a packed blob back into a blob"},

@@ -13,7 +13,8 @@
 #define POINTS 5u      /* Gauss points along each side of the Duffy square */
 #define SPARE_MODES 16u
 #define ITERATIONS 6u
-#define HEX_CELL 0.8660254037844386 /* area of a node of a regular lattice, over its edge squared */
+#define HEX_CELL 0.8660254037844386 /* area of a node of a regular lattice, over its edge squared  \
+                                     */
 
 static const double gauss_at[POINTS] = {0.0469100770306680, 0.2307653449471585, 0.5,
                                         0.7692346550528415, 0.9530899229693320};
@@ -162,7 +163,8 @@ static void subtract_rows(void *context, size_t slot) {
         regular_half_space(s->stars, k, d->node[j], there);
         regular_half_space(s->stars, d->node[j], k, back);
         for (size_t e = 0; e < 9; e++)
-            row[e / 3 * 3 * d->slots + 3 * j + e % 3] = 0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
+            row[e / 3 * 3 * d->slots + 3 * j + e % 3] =
+                0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
     }
     for (size_t a = 0; a < 3; a++) {
         double *from = row + a * 3 * d->slots, *to = s->x + (3 * (size_t)k + a) * s->width;

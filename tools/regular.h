@@ -5,10 +5,11 @@
  * Near its load a body is a half-space. With B_kl the displacement of node k when a unit force is
  * spread over the hat of node l of a half-space (Boussinesq and Cerruti; n = (n_k + n_l) / 2),
  *
- *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) / |r|)
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) /
+ * |r|)
  *
- * the rest H = G - B has no singularity and few modes: its eigenpairs of largest magnitude, weighted
- * by nodal areas, are what the blob stores. Zero at fixed nodes.
+ * the rest H = G - B has no singularity and few modes: its eigenpairs of largest magnitude,
+ * weighted by nodal areas, are what the blob stores. Zero at fixed nodes.
  */
 #ifndef PALP_TOOLS_REGULAR_H
 #define PALP_TOOLS_REGULAR_H
@@ -19,9 +20,9 @@ typedef struct {
     uint32_t modes;
     uint32_t *across;   /* [triangles][3] */
     uint32_t *triangle; /* [nodes] */
-    float *value;      /* [modes] */
-    int16_t *vector;   /* [nodes][3][modes] */
-    double left_over;  /* |H - U S U^T|_F / |G|_F, by nodal areas */
+    float *value;       /* [modes] */
+    int16_t *vector;    /* [nodes][3][modes] */
+    double left_over;   /* |H - U S U^T|_F / |G|_F, by nodal areas */
 } regular_data;
 
 typedef struct {
@@ -34,9 +35,9 @@ typedef struct {
 } regular_body;
 
 /*
- * `x`: the columns of `level`, [3 nodes][3 n_level], symmetric where both nodes are free; destroyed.
- * `modes` wanted; fewer where the body has fewer unknowns. Threaded; the same bits on any number of
- * threads.
+ * `x`: the columns of `level`, [3 nodes][3 n_level], symmetric where both nodes are free;
+ * destroyed. `modes` wanted; fewer where the body has fewer unknowns. Threaded; the same bits on
+ * any number of threads.
  */
 regular_data regular_build(const regular_body *body, double *x, uint32_t modes);
 void regular_free(regular_data *r);

@@ -90,7 +90,18 @@
     X(FAMILY, "family", "one family weighed")                                                      \
     X(LOOK, "look", "one look of adaptivity")                                                      \
     X(SERVO, "servo", "a servo tick without its frames and the contact")                           \
-    X(FRAME, "frame", "one frame received")
+    X(FRAME, "frame", "one frame received")                                                        \
+    X(FILLING, "filling", "one filling of a lattice, its table, what it follows")                  \
+    X(AROUND, "around", "one node around a tool looked at")                                        \
+    X(SHOT, "shot", "one place of a lattice looked at")                                            \
+    X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \
+    X(POINT, "point", "a contact point: what it asks, its share of the answer")                    \
+    X(MODE_AT, "mode_at", "one mode at a point or a corner")                                       \
+    X(COMPLIANCE, "compliance", "one compliance of the half-space")                                \
+    X(MODE_PAIR, "mode_pair", "one mode in it")                                                    \
+    X(CORNER, "corner", "one corner of the points' triangles")                                     \
+    X(DISPLACE, "displace", "one force at one point, or its gradient")                             \
+    X(FOLLOW, "follow", "derivatives of one place of a lattice")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,
 typedef enum { PALP_WORK_LIST(PALP_WORK_NAME) PALP_WORKS } palp_work;

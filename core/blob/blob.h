@@ -84,11 +84,11 @@ typedef struct {
  * A shorter prefix of the modes is a coarser H.
  */
 typedef struct {
-    uint32_t modes;         /* 0: none stored, the other pointers are NULL */
-    const uint32_t *across; /* [triangles][3] across the edge that faces each corner */
+    uint32_t modes;           /* 0: none stored, the other pointers are NULL */
+    const uint32_t *across;   /* [triangles][3] across the edge that faces each corner */
     const uint32_t *triangle; /* [nodes] one of the triangles of each node */
-    const float *value;     /* [modes] m/N */
-    const int16_t *vector;  /* [nodes][3][modes] */
+    const float *value;       /* [modes] m/N */
+    const int16_t *vector;    /* [nodes][3][modes] */
 } palp_regular;
 
 typedef struct {

@@ -54,17 +54,17 @@ typedef struct {
  */
 typedef enum {
     PALP_SEC_META = 1,
-    PALP_SEC_REST = 2,          /* f32[nodes][3] rest positions, m */
-    PALP_SEC_NORMAL = 3,        /* f32[nodes][3] outward unit normals */
-    PALP_SEC_AREA = 4,          /* f32[nodes] nodal areas a_j (MR 4), m^2 */
-    PALP_SEC_TRIANGLE = 5,      /* u32[triangles][3] */
-    PALP_SEC_SLOT = 6,          /* u32[nodes] slot in its domain, PALP_FIXED_FLAG set when fixed */
-    PALP_SEC_RING_OFFSET = 7,   /* u32[nodes + 1] */
-    PALP_SEC_RING = 8,          /* u32[] neighbours of each node */
-    PALP_SEC_CELL_OFFSET = 9,   /* u32[cells + 1] search grid */
-    PALP_SEC_CELL_NODE = 10,    /* u32[nodes] nodes sorted by cell */
-    PALP_SEC_SOFTENING = 11,    /* f32[nodes] added to each node's own normal compliance, m/N */
-    PALP_SEC_LEVEL_AREA = 12,   /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
+    PALP_SEC_REST = 2,        /* f32[nodes][3] rest positions, m */
+    PALP_SEC_NORMAL = 3,      /* f32[nodes][3] outward unit normals */
+    PALP_SEC_AREA = 4,        /* f32[nodes] nodal areas a_j (MR 4), m^2 */
+    PALP_SEC_TRIANGLE = 5,    /* u32[triangles][3] */
+    PALP_SEC_SLOT = 6,        /* u32[nodes] slot in its domain, PALP_FIXED_FLAG set when fixed */
+    PALP_SEC_RING_OFFSET = 7, /* u32[nodes + 1] */
+    PALP_SEC_RING = 8,        /* u32[] neighbours of each node */
+    PALP_SEC_CELL_OFFSET = 9, /* u32[cells + 1] search grid */
+    PALP_SEC_CELL_NODE = 10,  /* u32[nodes] nodes sorted by cell */
+    PALP_SEC_SOFTENING = 11,  /* f32[nodes] added to each node's own normal compliance, m/N */
+    PALP_SEC_LEVEL_AREA = 12, /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
     /* The surface as contact meets it (core/surface); all or none. */
     PALP_SEC_ACROSS = 13,       /* u32[triangles][3] triangle across the edge facing each corner */
     PALP_SEC_MODE_VALUE = 14,   /* f32[modes] eigenvalues of H, largest magnitude first, m/N */
@@ -92,7 +92,7 @@ typedef enum {
     PALP_SEC_DETAIL_TRIANGLE = 100, /* u32[detail_triangles][3] */
     PALP_SEC_DETAIL_NEAR = 101,     /* u32[nodes + 1] detail vertices around each node: offsets */
     PALP_SEC_DETAIL_LIST = 102,     /* u32[detail_vertices] and the vertices */
-    PALP_SEC_NODE_TRIANGLE = 104, /* with ACROSS: u32[nodes] one of the triangles of each node */
+    PALP_SEC_NODE_TRIANGLE = 104,   /* with ACROSS: u32[nodes] one of the triangles of each node */
     /* Constraint hierarchy of the free domain: + PALP_LEVEL_STRIDE * level. The columns of level
      * constraint_level are those of block free-free above. */
     PALP_SEC_LEVEL_OFFSET = 128, /* the four column sections, as above */

@@ -15,7 +15,8 @@ static void half_space_row(const palp_contact *c, uint32_t i, uint32_t count, fl
     for (uint32_t j = 0; j < count; j++) {
         float ex = xi - x[j], ey = yi - y[j], ez = zi - z[j];
         float r2 = ex * ex + ey * ey + ez * ez, s2 = si * cell[j];
-        float apart = palp_abs(ti - tool[j]) > 0.5f ? r2 + SPREAD2 * s2 : palp_max(r2, NEAREST2 * s2);
+        float apart =
+            palp_abs(ti - tool[j]) > 0.5f ? r2 + SPREAD2 * s2 : palp_max(r2, NEAREST2 * s2);
         float inverse = 1.0f / palp_sqrt(apart);
         ex *= inverse;
         ey *= inverse;
@@ -64,8 +65,9 @@ void palp_contact_gather(palp_contact *contact) {
         bool in = a < n;
         const palp_contact_point *p = &c->point[in ? c->active[a] : 0u];
         const palp_vec3 y = in ? p->at.y : nowhere, f = palp_scale(in ? p->force_N : 0.0f, p->m);
-        const float of[11] = {y.x, y.y, y.z, p->at.n.x, p->at.n.y, p->at.n.z,
-                              f.x, f.y, f.z, palp_contact_cell(c, p), (float)p->tool};
+        const float of[11] = {y.x,           y.y, y.z, p->at.n.x, p->at.n.y,
+                              p->at.n.z,     f.x, f.y, f.z,       palp_contact_cell(c, p),
+                              (float)p->tool};
         for (uint32_t k = 0; k < 11u; k++) c->pressed[k][a] = of[k];
     }
     for (uint32_t m = 0; m < modes; m++) {
@@ -96,7 +98,7 @@ static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f) {
             float ex = y.x - in[IN_Y][j], ey = y.y - in[IN_Y + 1][j], ez = y.z - in[IN_Y + 2][j];
             float r2 = ex * ex + ey * ey + ez * ez, s2 = cell * in[IN_CELL][j];
             float apart = palp_abs(tool - in[IN_TOOL][j]) > 0.5f ? r2 + SPREAD2 * s2
-                                                                   : palp_max(r2, NEAREST2 * s2);
+                                                                 : palp_max(r2, NEAREST2 * s2);
             float inverse = r2 > 0.0f ? 1.0f / palp_sqrt(apart) : 0.0f;
             ex *= inverse;
             ey *= inverse;

@@ -3,8 +3,8 @@
 #include "core/base/linalg.h"
 #include "core/contact/contact_internal.h"
 
-#define CLEAR 1e-6f        /* violation that lets a point in, over the tool's size */
-#define BLOCK_CHANGES 6u   /* iterations that change many points at once; then one at a time */
+#define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
+#define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
 
 /* ---- life ---- */
 
@@ -12,8 +12,10 @@ palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
     static const uint32_t cells[PALP_CONTACT_LEVELS] = {22, 22, 22, 10, 20, 40};
     static const uint32_t stride[PALP_CONTACT_LEVELS] = {2, 2, 2, 1, 1, 1};
     static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1, 1};
+    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {16, 16, 16, 16, 32, 64};
     uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
-    return (palp_contact_level){cells[level], stride[level], 3u * cells[level] + 6u, m};
+    return (palp_contact_level){cells[level], stride[level], 3u * cells[level] + 6u,
+                                contacts[level], m};
 }
 
 static uint32_t room_of(uint32_t finest) {
@@ -95,6 +97,7 @@ void palp_contact_clear(palp_contact *contact) {
     }
     c->count = c->places = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
+    c->crowd = 1.0f;
 }
 
 /* ---- points ---- */
@@ -120,7 +123,8 @@ static const palp_contact_point *last_of(const palp_contact *c, const palp_conta
 static void sort_places(palp_contact *c) {
     const int16_t stride = (int16_t)c->level.stride;
     c->count = 0;
-    for (uint32_t k = 0; k < c->places; k++) {
+    const uint32_t most = palp_contact_most_points(c->level);
+    for (uint32_t k = 0; k < c->places && c->count < most; k++) {
         palp_contact_point *p = &c->point[k], *to = &c->point[c->count];
         if (p->i % stride != 0 || p->j % stride != 0) continue;
         palp_contact_point moved = *to;
@@ -185,10 +189,11 @@ static void linearise(palp_contact *c, uint32_t i) {
     palp_vec3 held = s->held_m;
     if (s->stiffness_N_per_m > 0.0f)
         held = palp_madd(held, 1.0f / s->stiffness_N_per_m, c->beyond_N[t]);
-    c->target[i] = palp_dot(p->m, p->u_m) - gap.gap_m +
-                   palp_dot(p->m, palp_sub(held, c->tool_m[t]));
-    const float of[11] = {p->at.y.x, p->at.y.y, p->at.y.z, p->at.n.x, p->at.n.y, p->at.n.z,
-                          p->m.x,    p->m.y,    p->m.z,    palp_contact_cell(c, p), (float)p->tool};
+    c->target[i] =
+        palp_dot(p->m, p->u_m) - gap.gap_m + palp_dot(p->m, palp_sub(held, c->tool_m[t]));
+    const float of[11] = {p->at.y.x,     p->at.y.y, p->at.y.z, p->at.n.x, p->at.n.y,
+                          p->at.n.z,     p->m.x,    p->m.y,    p->m.z,    palp_contact_cell(c, p),
+                          (float)p->tool};
     for (uint32_t k = 0; k < 11u; k++) c->column[k][i] = of[k];
     list_corners(c, i);
     palp_surface_modes(&c->surface, &p->at, p->m, c->level.modes, c->mode + i, c->room);
@@ -201,6 +206,8 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     c->level = palp_contact_level_of(c->now, c->surface.blob->regular.modes);
     swap_ticks(c);
     forget_nodes(c);
+    bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
+    c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.01f * c->crowd, 1.0f);
     c->flags = c->row = c->iterations = 0;
     c->filling = c->fillings = c->first = 0;
     for (uint32_t t = 0; t < c->tool_count; t++) {
@@ -217,7 +224,9 @@ static void next_tool(palp_contact *c) {
     c->first = c->places;
 }
 
-bool palp_contact_may_skip(const palp_contact *contact) { return contact->fillings > 0u; }
+bool palp_contact_may_skip(const palp_contact *contact) {
+    return contact->fillings > 0u && contact->places > contact->first;
+}
 
 void palp_contact_skip(palp_contact *contact) { next_tool(contact); }
 
@@ -229,7 +238,7 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .tool = &c->tools[t],
                                     .number = t,
                                     .tool_m = c->tool_m[t],
-                                    .cells = (float)c->level.cells,
+                                    .cells = (float)c->level.cells * c->crowd,
                                     .point = c->point,
                                     .count = &c->places,
                                     .most = c->level.points,
@@ -281,6 +290,12 @@ static void factor_active(palp_contact *c) {
         const float *row = c->g + (size_t)i * c->room;
         for (uint32_t a = 0; a < n; a++) c->scratch[a] = row[c->active[a]];
         c->scratch[n] = row[i];
+        if (n == c->level.contacts) {
+            c->point[i].active = false;
+            c->point[i].left_out = true;
+            c->flags |= PALP_CONTACT_FULL;
+            continue;
+        }
         if (palp_chol_append(c->factor, n, c->room, c->scratch) != PALP_OK) {
             c->point[i].active = false;
             c->point[i].left_out = true;

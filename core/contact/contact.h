@@ -39,8 +39,8 @@
 
 #define PALP_CONTACT_TOOLS 4u
 #define PALP_CONTACT_MAX_POINTS 126u /* of the finest level there is */
-#define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
-#define PALP_CONTACT_ROWS 8u        /* of g that one call assembles */
+#define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
+#define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
@@ -55,15 +55,18 @@
  */
 typedef struct {
     uint32_t cells, stride;
-    uint32_t points; /* room for all places of the lattice, about three times the cells */
+    uint32_t points;   /* room for all places of the lattice, about three times the cells */
+    uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */
     uint32_t modes;
 } palp_contact_level;
 #define PALP_CONTACT_LEVELS 6u
-#define PALP_CONTACT_FINEST 4u /* by default */
+#define PALP_CONTACT_FINEST 4u        /* by default */
 #define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 PALP_CONTACT_MAX_POINTS */
 
-#define PALP_CONTACT_FULL 1u      /* more points were wanted than the level has room for */
-#define PALP_CONTACT_SPENT 2u     /* the active set was not settled after all its iterations */
+#define PALP_CONTACT_FULL                                                                          \
+    1u                        /* more points were wanted than the level has room for, in all or    \
+                                 in contact; the lattice grows wider until they fit */
+#define PALP_CONTACT_SPENT 2u /* the active set was not settled after all its iterations */
 #define PALP_CONTACT_REDUNDANT 4u /* a point was left out because its pivot vanished */
 
 /* A tool on its spring; stiffness 0: it stays at held_m. */
@@ -74,39 +77,45 @@ typedef struct {
 
 typedef struct {
     palp_surface surface;
-    const palp_tool *tools; /* by reference */
+    const palp_tool *tools;            /* by reference */
     uint32_t tool_count, finest, room; /* room: points, of the level that has most */
     uint32_t now;                      /* the level in use; set between ticks, at most finest */
     palp_contact_level level;          /* of this tick */
     palp_lattice lattice[PALP_CONTACT_TOOLS];
-    palp_contact_point *point, *before; /* [room]: of this tick; of the last */
+    palp_contact_point *point, *before;       /* [room]: of this tick; of the last */
     palp_lattice_table *table, *table_before; /* [tool_count] */
     uint32_t count, places; /* contact points; with those that only seek the overlap behind them */
     uint32_t count_before;
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 tool_m[PALP_CONTACT_TOOLS];  /* where the tools are taken to be */
-    palp_vec3 rest_m[PALP_CONTACT_TOOLS];  /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS]; /* exact, on each tool */
+    palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */
+    palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
     palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
     float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
     float energy_J;                         /* f C f / 2 */
+    float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t *node;      /* [3 room] corners of the points' triangles, each once */
     palp_vec3 *node_u_m; /* [3 room] what the modes displace them by */
     uint16_t *node_slot; /* [PALP_CONTACT_NODE_SLOTS] where they are in the list; 0: nowhere */
     uint16_t (*corner)[3]; /* [room] of each point, in the list */
     uint32_t nodes;
-    float *column[11]; /* [room] the points side by side (contact_internal.h) */
-    float *pressed[11]; /* [room, rounded up] those in contact, with their forces */
-    float *mode;       /* [modes][room] what unit forces along m give the modes */
-    float *load;       /* [modes] */
-    float *g;          /* [room][room] */
-    float *factor;     /* [room][room] */
+    float *column[11];                /* [room] the points side by side (contact_internal.h) */
+    float *pressed[11];               /* [room, rounded up] those in contact, with their forces */
+    float *mode;                      /* [modes][room] what unit forces along m give the modes */
+    float *load;                      /* [modes] */
+    float *g;                         /* [room][room] */
+    float *factor;                    /* [room][room] */
     float *target, *lambda, *scratch; /* [room] */
     uint32_t *active;                 /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
     uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */
     uint64_t work_done;
 } palp_contact;
+
+/* Contact points of a level at most: of a lattice with a stride, half of its places. */
+static inline uint32_t palp_contact_most_points(palp_contact_level level) {
+    return level.stride > 1u ? (level.points + 1u) / 2u : level.points;
+}
 
 /* A level of a blob with `modes`. */
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);

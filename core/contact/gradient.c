@@ -5,8 +5,8 @@
  *
  *     dQ/dc = Q_c + Q_p dp/dc
  *
- * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, drawing back) follows
- * the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
+ * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, drawing back)
+ * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
  *
  * Both are sums over points of how each moves in 3 + PARAMETERS directions: its shot (origin,
  * direction), then the facet, the smooth surface, the cell and the overlap.
@@ -125,9 +125,8 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     point_slopes z;
     palp_surface_slopes(s, &p->at, z.dy_dq, z.dn_dq);
     palp_vec3 x0 = palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[0]);
-    palp_vec3 normal =
-        palp_cross(palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[1]), x0),
-                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
+    palp_vec3 normal = palp_cross(palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[1]), x0),
+                                  palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     palp_vec3 drawn = palp_madd(c->tool_m[p->tool], -l->used.back_m, l->used.axis);
     z.out = palp_tool_gap(&c->tools[p->tool], drawn, p->at.y).normal;
@@ -225,18 +224,20 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
             r[AXIS + e] = palp_dot(f->dtoward[k], s->tangent[e]) + palp_dot(f->toward, turn);
             r[ORIGIN + e] = 0.0f;
         } else {
-            r[AXIS + e] = turns ? palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn) : 0.0f;
+            r[AXIS + e] =
+                turns ? palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn) : 0.0f;
             palp_vec3 tool = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
             palp_vec3 own = k >= 3u + ORIGIN && k < 3u + ORIGIN + 2u ? s->tangent[k - 3u - ORIGIN]
                             : k < 3u                                 ? tool
-                                                                     : palp_cross(about, s->origin_m);
+                                     : palp_cross(about, s->origin_m);
             r[ORIGIN + e] = palp_dot(palp_madd(f->dtoward[k], -f->s0, own), s->tangent[e]) +
                             palp_dot(f->toward, turn);
         }
     }
-    r[SPACING] = 2.0f / 3.0f * (2.0f * f->s0 * f->d0[k] / f->s1 -
-                                f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
-                 cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
+    r[SPACING] =
+        2.0f / 3.0f *
+            (2.0f * f->s0 * f->d0[k] / f->s1 - f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
+        cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
     r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] : 0.0f;
 }
 
@@ -245,7 +246,7 @@ static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_su
     const palp_tool *tool = &c->tools[t];
     const palp_lattice *l = &c->lattice[t];
     const bool central = palp_lattice_is_central(tool), flat = palp_lattice_is_flat(tool);
-    const float cells = (float)c->level.cells;
+    const float cells = (float)c->level.cells * c->crowd;
     float r[MOVES][PARAMETERS], a[PARAMETERS * PARAMETERS];
     uint32_t perm[PARAMETERS];
     for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, !flat, cells, k, r[k]);
@@ -272,7 +273,8 @@ static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_su
 /* ---- all together ---- */
 
 /* Derivatives of Q with respect to q (through y, n and the weights), and to the cell. */
-static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i, const point_slopes *z) {
+static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i,
+                    const point_slopes *z) {
     const palp_surface *s = &c->surface;
     const palp_vec3 f = palp_scale(p->force_N, p->m);
     palp_vec3 gradient[3];
@@ -299,8 +301,8 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
     if (i < c->count && p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
-    palp_vec3 off = central ? p->direction
-                            : palp_sub(p->at.q, palp_add(c->tool_m[p->tool], l->used.origin_m));
+    palp_vec3 off =
+        central ? p->direction : palp_sub(p->at.q, palp_add(c->tool_m[p->tool], l->used.origin_m));
     float area = HEX_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
     bool deepest = p->overlap_m > f->deepest;
     f->s0 += w;
@@ -333,6 +335,5 @@ void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_T
         if (!any) continue;
         beyond_N[t] = palp_add((palp_vec3){f.q[0], f.q[1], f.q[2]}, follow_force(c, t, &f));
     }
-    c->work_done += (uint64_t)c->active_count * 80u * c->active_count +
-                    1000u * (uint64_t)c->places;
+    c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->places;
 }

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 #include "lattice.h"
 
-#define DEPTH 0.7f     /* overlap of the drawn-back tool at most, over its size */
-#define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
-#define MARGIN 0.6f    /* edges beyond the tool within which nodes lead to regions */
-#define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
-#define FADE 0.15f     /* above FACING, in which cells grow to their full size */
-#define FEET 4u        /* steps towards the nearest point of the surface */
+#define DEPTH 0.7f   /* overlap of the drawn-back tool at most, over its size */
+#define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
+#define MARGIN 0.6f  /* edges beyond the tool within which nodes lead to regions */
+#define FACING 0.15f /* cosine between shot and surface below which no point is taken */
+#define FADE 0.15f   /* above FACING, in which cells grow to their full size */
+#define FEET 4u      /* steps towards the nearest point of the surface */
 #define HEX_CELL 0.8660254f
-#define ROW 0.8660254f /* height of a row of the lattice over its spacing */
-#define PLACE_MOST 16000 /* largest place in a lattice */
+#define ROW 0.8660254f    /* height of a row of the lattice over its spacing */
+#define PLACE_MOST 16000  /* largest place in a lattice */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
 
 bool palp_lattice_is_central(const palp_tool *tool) { return tool->balls == 1u; }
@@ -36,7 +36,8 @@ static uint32_t slot_of(const palp_lattice_table *t, uint32_t key) {
 }
 
 static uint32_t key_of(int32_t i, int32_t j) {
-    return 0x80000000u | ((uint32_t)(i + 16384) & 0x7fffu) << 15u | ((uint32_t)(j + 16384) & 0x7fffu);
+    return 0x80000000u | ((uint32_t)(i + 16384) & 0x7fffu) << 15u |
+           ((uint32_t)(j + 16384) & 0x7fffu);
 }
 
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j) {
@@ -55,7 +56,7 @@ typedef struct {
     const palp_lattice_room *r;
     palp_vec3 drawn_back_m; /* the tool's reference point */
     bool central;
-    uint32_t first; /* points of this tool begin here */
+    uint32_t first;                         /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet; /* left in this filling */
     bool full;                              /* something was left out */
 } filling;
@@ -63,7 +64,8 @@ typedef struct {
 static palp_vec3 direction_of(const filling *f, float a, float b) {
     const palp_lattice *l = f->l;
     if (!f->central) return l->at.axis;
-    float rho2 = a * a + b * b, up = 1.0f - 0.5f * rho2, out = palp_sqrt(palp_max(1.0f - 0.25f * rho2, 0.0f));
+    float rho2 = a * a + b * b, up = 1.0f - 0.5f * rho2,
+          out = palp_sqrt(palp_max(1.0f - 0.25f * rho2, 0.0f));
     palp_vec3 d = palp_scale(up, l->at.axis);
     d = palp_madd(d, out * a, l->at.tangent[0]);
     return palp_madd(d, out * b, l->at.tangent[1]);
@@ -126,7 +128,8 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     r->table->key[slot] = key;
     r->table->point[slot] = PALP_LATTICE_MISS;
     palp_contact_point *p = &r->point[*r->count];
-    float a = f->l->at.spacing * ((float)i + 0.5f * (float)j), b = f->l->at.spacing * ROW * (float)j;
+    float a = f->l->at.spacing * ((float)i + 0.5f * (float)j),
+          b = f->l->at.spacing * ROW * (float)j;
     p->at.triangle = triangle;
     if (f->central && a * a + b * b >= 3.9f) return;
     if (!shoot(f, a, b, p) || p->overlap_m <= 0.0f) return;
@@ -387,7 +390,8 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     } else {
         set_axis(l, palp_lattice_is_flat(r->tool) ? r->tool->pad.axis[2] : gap.normal);
         l->at.origin_m = palp_sub(a.deepest.y, r->tool_m);
-        l->at.origin_m = palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
+        l->at.origin_m =
+            palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
     l->area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
     float cell = palp_sqrt(wanted_cell2(r, l->area_m2));
@@ -402,7 +406,8 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     return true;
 }
 
-/* Moves the lattice to what its points say of the overlap; true when another filling is worth it. */
+/* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
+ */
 static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f) {
     float weight = 0.0f, square = 0.0f, cells = 0.0f, deepest = 0.0f;
     palp_vec3 toward = {0}, out = {0};
@@ -432,12 +437,14 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         palp_vec3 shift = palp_scale(1.0f / weight, toward);
         if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
         l->at.origin_m = palp_add(l->at.origin_m, shift);
-        l->at.origin_m = palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
+        l->at.origin_m =
+            palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
         shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
         moved = palp_norm(shift) / l->at.spacing;
         l->at.spacing *= change;
     }
-    float most = DEPTH * palp_tool_size(r->tool), back = palp_max(l->at.back_m + deepest - most, 0.0f);
+    float most = DEPTH * palp_tool_size(r->tool),
+          back = palp_max(l->at.back_m + deepest - most, 0.0f);
     moved += palp_abs(back - l->at.back_m) / most;
     l->at.back_m = back;
     set_origin(l, r->tool);
@@ -463,10 +470,8 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     *room->count = first;
     if (begun && !begin(l, room)) return 0u;
     fill(&f, l, room, first);
-    if (*room->count == first && !begun && begin(l, room)) /* overtaken: sought anew */
-        fill(&f, l, room, first);
     l->placed = *room->count > first;
-    if (!l->placed) return 0u;
+    if (!l->placed) return begun ? 0u : PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = follow(l, room, &f);
     return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

@@ -8,7 +8,8 @@
  * at rest, so they come and go without force. The lattice follows the overlap
  *
  *     axis     sum a_i d_i direction_i, normalised (a sphere); origin sum a_i d_i x_i / sum a_i d_i
- *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,   A = 4/3 (sum a_i d_i)^2 / sum a_i d_i^2
+ *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,   A = 4/3 (sum a_i d_i)^2 / sum a_i
+ * d_i^2
  *
  * (a_i: area of the cell, d_i: overlap), so that about `cells` of the points come to carry force,
  * whatever the size of the contact and however many regions it has.
@@ -26,7 +27,7 @@
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
 #define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
 /* What one filling does at most, with room for so many points. */
-#define PALP_LATTICE_LOOKS(room) (3u * (room))            /* places looked at, each one shot */
+#define PALP_LATTICE_LOOKS(room) (3u * (room))             /* places looked at, each one shot */
 #define PALP_LATTICE_CROSSINGS(room) (12u * (room) + 256u) /* triangles crossed by all shots */
 #define PALP_LATTICE_RINGS 64u /* nodes compared with all their neighbours */
 #define PALP_LATTICE_FEET 12u  /* nearest points of the surface sought, four shots each */
@@ -40,12 +41,12 @@ typedef struct {
     float cell_m;        /* spacing of the regular lattice that it stands for */
     float overlap_m;     /* of the drawn-back tool, at rest; above 0 */
     uint32_t tool;
-    int16_t i, j;    /* place in the lattice */
-    palp_vec3 m;     /* out of the tool, into the body: direction of the force on the body */
-    palp_vec3 u_m;   /* displacement of the last solve */
-    float force_N;   /* along m, not negative */
-    bool active;     /* in contact */
-    bool left_out;   /* of this tick's active set: its pivot vanished */
+    int16_t i, j;  /* place in the lattice */
+    palp_vec3 m;   /* out of the tool, into the body: direction of the force on the body */
+    palp_vec3 u_m; /* displacement of the last solve */
+    float force_N; /* along m, not negative */
+    bool active;   /* in contact */
+    bool left_out; /* of this tick's active set: its pivot vanished */
 } palp_contact_point;
 
 /* Where the points of each place of a lattice are. */
@@ -77,13 +78,13 @@ typedef struct {
 typedef struct {
     const palp_surface *surface;
     const palp_tool *tool;
-    uint32_t number;            /* of the tool */
-    palp_vec3 tool_m;           /* where it is */
-    float cells;                /* wanted in contact */
-    palp_contact_point *point;  /* [most], the first *count in use by the tools before */
+    uint32_t number;           /* of the tool */
+    palp_vec3 tool_m;          /* where it is */
+    float cells;               /* wanted in contact */
+    palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
-    palp_lattice_table *table;  /* of this tool and tick */
-    uint64_t *work;             /* operations so far */
+    palp_lattice_table *table; /* of this tool and tick */
+    uint64_t *work;            /* operations so far */
 } palp_lattice_room;
 
 #define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */

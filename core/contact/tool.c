@@ -240,8 +240,7 @@ static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 c, palp_vec3 x
 static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 c, palp_vec3 x) {
     palp_vec3 r = palp_sub(x, c);
     float gradient[2];
-    float height =
-        face_height(p, palp_dot(r, p->axis[0]), palp_dot(r, p->axis[1]), gradient);
+    float height = face_height(p, palp_dot(r, p->axis[0]), palp_dot(r, p->axis[1]), gradient);
     float slope = palp_sqrt(1.0f + gradient[0] * gradient[0] + gradient[1] * gradient[1]);
     palp_vec3 n = palp_madd(p->axis[2], -gradient[0], p->axis[0]);
     n = palp_madd(n, -gradient[1], p->axis[1]);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/haptic/coupling.h"
 
-#define LARGEST_MOVE 1.0f  /* of a tool that is free, over its size, per tick */
-#define LARGEST_STEP 0.5f  /* of a tool in contact, from where it was foreseen, over its size */
-#define APART 1.001f       /* of a tool that is put on the surface, over its extent */
+#define LARGEST_MOVE 1.0f /* of a tool that is free, over its size, per tick */
+#define LARGEST_STEP 0.5f /* of a tool in contact, from where it was foreseen, over its size */
+#define APART 1.001f      /* of a tool that is put on the surface, over its extent */
 
 void palp_coupling_reset(palp_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
@@ -49,8 +49,8 @@ static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float 
     palp_vec3 moved = palp_add(k->tool_m, dx);
     if (!(force > 0.0f)) return moved;
     float along = palp_dot(k->contact_N, dx) / (force * force);
-    float share = k->contact_stiffness_N_per_m /
-                  (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
+    float share =
+        k->contact_stiffness_N_per_m / (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
     moved = palp_madd(moved, -along * share, k->contact_N);
     /* friction that sticks holds the tool across the contact, too */
     if (!k->friction.touching || k->friction.slipping) return moved;
@@ -125,8 +125,8 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         if (c->tools[t].friction > 0.0f) {
             palp_vec3 before = k->friction.force_N;
             palp_friction_solve(&k->friction, contact, t, rest, k->stiffness_N_per_m);
-            rest = palp_madd(rest, 1.0f / k->stiffness_N_per_m,
-                             palp_sub(k->friction.force_N, before));
+            rest =
+                palp_madd(rest, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
         }
         k->touching = c->normal_N[t] > 0.0f;
         k->contact_N = c->force_N[t];
@@ -149,8 +149,8 @@ void palp_coupling_hold(palp_coupling *coupling, const palp_contact *contact, fl
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         if (k->touching) { /* what the spring now carries is what the contact is taken to give */
-            palp_vec3 spring = palp_scale(k->stiffness_N_per_m,
-                                          palp_sub(k->expected_m, coupling->next_m[t]));
+            palp_vec3 spring =
+                palp_scale(k->stiffness_N_per_m, palp_sub(k->expected_m, coupling->next_m[t]));
             palp_vec3 contact_N = palp_sub(palp_sub(spring, k->friction.force_N), k->offset_N);
             if (palp_dot(contact_N, k->contact_N) > 0.0f) {
                 k->contact_N = contact_N;

@@ -3,8 +3,8 @@
  * Virtual coupling: each tool hangs on its device by a spring, and the contact finds where it comes
  * to rest on the surface (a proxy, with the device's limit of stiffness).
  *
- *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left over
- *     force on the hand = k (tool - device) - b v    while touching, else 0
+ *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left
+ * over force on the hand = k (tool - device) - b v    while touching, else 0
  *
  * Where the tool will be is foreseen from what the last contact resisted with: along its force with
  * the stiffness k_c = 0.6 F^2 / E (exact for Hertz' law), not at all across it,
@@ -31,9 +31,9 @@ typedef struct {
     float stiffness_N_per_m; /* k > 0 */
     float damping_Ns_per_m;  /* b >= 0 */
     palp_vec3 tool_m, device_m;
-    palp_vec3 expected_m;     /* the tool, foreseen for the tick under way */
-    palp_vec3 contact_N;      /* F of the last answer */
-    palp_vec3 offset_N;       /* O */
+    palp_vec3 expected_m;            /* the tool, foreseen for the tick under way */
+    palp_vec3 contact_N;             /* F of the last answer */
+    palp_vec3 offset_N;              /* O */
     float contact_stiffness_N_per_m; /* k_c */
     palp_friction friction;
     bool placed, touching;

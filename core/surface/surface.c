@@ -1,15 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 #include "surface.h"
 
-#define EDGE_SLACK 1e-6f /* barycentric weight below 0 that still counts as inside; twice as much
-                            with every further step, so that no walk turns about a node for ever */
+#define EDGE_SLACK                                                                                 \
+    1e-6f /* barycentric weight below 0 that still counts as inside; twice as much                 \
+             with every further step, so that no walk turns about a node for ever */
 
 palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob) {
     const palp_meta *m = blob->meta;
     if (blob->regular.modes == 0u) return PALP_ERR_ARGUMENT;
-    *surface = (palp_surface){.blob = blob,
-                              .compliance_m2_per_N = (1.0f + m->poisson) / (PALP_PI_F * m->young_Pa),
-                              .poisson = m->poisson};
+    *surface =
+        (palp_surface){.blob = blob,
+                       .compliance_m2_per_N = (1.0f + m->poisson) / (PALP_PI_F * m->young_Pa),
+                       .poisson = m->poisson};
     return PALP_OK;
 }
 
@@ -62,7 +64,7 @@ static void fill_point(const palp_surface *s, palp_surface_point *p) {
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
                         uint32_t *crossings, palp_surface_point *point) {
     float slack = EDGE_SLACK;
-    for (uint32_t step = 0; step < PALP_SURFACE_CROSSINGS && *crossings > 0u; step++) {
+    for (uint32_t step = 0; step<PALP_SURFACE_CROSSINGS && * crossings> 0u; step++) {
         float volume[3];
         (*crossings)--;
         float sum = edge_volumes(surface, point->triangle, origin, direction, volume);
@@ -88,8 +90,7 @@ bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3
     return false;
 }
 
-void palp_surface_gradients(const palp_surface *surface, uint32_t triangle,
-                            palp_vec3 gradient[3]) {
+void palp_surface_gradients(const palp_surface *surface, uint32_t triangle, palp_vec3 gradient[3]) {
     const corners c = corners_of(surface, triangle);
     palp_vec3 normal = palp_cross(palp_sub(c.x[1], c.x[0]), palp_sub(c.x[2], c.x[0]));
     float scale = 1.0f / palp_max(palp_dot(normal, normal), 1e-37f);
@@ -114,8 +115,7 @@ void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *
         dy_dq[e] = e % 4u == 0u ? 1.0f : 0.0f;
         dn_dq[e] = 0.0f;
     }
-    for (uint32_t k = 0; k < 3u; k++)
-        normal = palp_madd(normal, point->weight[k], c.n[k]);
+    for (uint32_t k = 0; k < 3u; k++) normal = palp_madd(normal, point->weight[k], c.n[k]);
     float shrink = 1.0f / palp_max(palp_norm(normal), 0.05f);
     for (uint32_t k = 0; k < 3u; k++) {
         float off = palp_dot(palp_sub(c.x[k], point->q), c.n[k]);

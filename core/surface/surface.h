@@ -16,7 +16,8 @@
  * is symmetric. B is the half-space's response (Boussinesq, Cerruti), singular at the load, and H
  * the body's regular rest by its modes (blob.h):
  *
- *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) / |r|)
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) /
+ * |r|)
  *
  * with n = (n_i + n_j) / 2. A point that stands for a cell of a regular hexagonal lattice of
  * spacing s has 1 / |r| -> PALP_LATTICE_SELF / s and r r^T / |r|^2 -> (I - n n^T) / 2 in its own B.
@@ -50,8 +51,8 @@ palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
  * The point where the line through `origin` along `direction` enters the surface, found by walking
  * from triangle to triangle from point->triangle on. False, with only point->triangle changed, when
  * the walk comes to a triangle that faces away, takes PALP_SURFACE_CROSSINGS steps, or has used up
- * *crossings, from which every step is taken away. Cost: about 45 operations per triangle and 60 for
- * the point.
+ * *crossings, from which every step is taken away. Cost: about 45 operations per triangle and 60
+ * for the point.
  */
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
                         uint32_t *crossings, palp_surface_point *point);
@@ -71,7 +72,8 @@ void palp_surface_gradients(const palp_surface *surface, uint32_t triangle, palp
 void palp_surface_modes(const palp_surface *surface, const palp_surface_point *point, palp_vec3 d,
                         uint32_t modes, float *row, size_t stride);
 
-/* What modes with the weights load[modes] (eigenvalue times force) displace a corner by. 3 modes. */
+/* What modes with the weights load[modes] (eigenvalue times force) displace a corner by. 3 modes.
+ */
 palp_vec3 palp_surface_corner(const palp_surface *surface, uint32_t node, uint32_t modes,
                               const float *load);
 

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What a tick of contact costs at most, in the unit of the prices given (base/price.h); names of
+ * prices in capitals. Everything follows from the level and from how many points there are.
+ *
+ *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool
+ *   N            most nodes of the search grid's cells around a tool, wherever it is
+ *   looks, crossings, rings, feet: the most of one filling (lattice.h)
+ */
+#ifndef PALP_CONTACT_COST_H
+#define PALP_CONTACT_COST_H
+
+#include "core/base/price.h"
+#include "core/contact/contact.h"
+
+typedef struct {
+    palp_prices price;
+    float tools, evaluation, nodes, rows, ring;
+    uint32_t modes;
+    bool friction;
+} palp_contact_cost;
+
+/* Cost of this: the cells of the grid, times those around a tool. */
+palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
+                                       uint32_t tool_count, const palp_prices *price);
+
+/* palp_contact_fill: 2 FILLING + 2 N (AROUND + EVALUATION) + 2 rings max_ring EVALUATION + 2 feet
+ * (4 SHOT + 9 EVALUATION) + looks (SHOT + EVALUATION) + 2 crossings CROSSING; the rows of cells as
+ * nodes. */
+float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
+
+/* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) + places SHOT */
+float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
+                               uint32_t places, uint32_t count);
+
+/* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + count
+ * GATHER */
+float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
+                                 uint32_t count);
+
+/* palp_contact_iterate with a points in contact: PIVOT + a APPEND + a (a + 1) / 2 (GATHER +
+ * SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + count CHOICE +
+ * (count
+ * - a) a DOT + QUANTUM */
+float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
+
+/* palp_contact_finish: count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + places (FOLLOW + EVALUATION)
+ * + 3 count (CORNER + modes MODE_AT) + a modes MODE_PAIR; with friction + 2 (a (POINT + modes
+ * MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes MODE_AT)) */
+float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
+                               uint32_t places, uint32_t count, uint32_t active);
+
+#endif

@@ -1,0 +1,78 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The answer of a tick in bounded time: contact on the surface, friction and coupling of one or
+ * several tools within a share of each period.
+ *
+ * What a level takes is known before it is begun (contact/cost.h), so a tick works on the finest
+ * level that always fits the period, and nothing else decides the level. When time is missing at
+ * the start or in the middle of a tick, because the machine was busy with something else, the level
+ * stays: the tick goes on as the last contact foresees (haptic/coupling.h), and the next one solves
+ * again. Only when time has been missing for PALP_ANSWER_PATIENCE_S does the level give way, fewer
+ * points first; it comes back when ticks have had time for PALP_ANSWER_CALM_S, twice as late each
+ * time that it did not last.
+ */
+#ifndef PALP_SERVO_ANSWER_H
+#define PALP_SERVO_ANSWER_H
+
+#include "core/contact/cost.h"
+#include "core/haptic/coupling.h"
+#include "core/servo/budget.h"
+
+#define PALP_ANSWER_PATIENCE_S 0.02f
+#define PALP_ANSWER_CALM_S 0.2f
+#define PALP_ANSWER_ITERATIONS 3u /* of the active set for which there is always time */
+
+typedef struct {
+    const palp_blob *blob;  /* with a regular part; kept by reference */
+    const palp_tool *tools; /* kept by reference */
+    uint32_t tool_count;
+    uint32_t finest; /* level, below PALP_CONTACT_LEVELS */
+    palp_cost_table cost;
+    palp_port port;
+    float dt_s;
+} palp_answer_config;
+
+typedef struct {
+    palp_answer_config config;
+    palp_contact_cost bound; /* in ns */
+    palp_contact contact;
+    palp_coupling coupling; /* the caller sets stiffness and damping of each tool after init */
+    float least_ns[PALP_CONTACT_LEVELS]; /* that an answer on each level always needs */
+    float tail_ns;                       /* kept back for the end of a tick */
+    uint64_t start_ns;                   /* of the tick under way */
+    uint32_t limit;                      /* finest level that always fits the period */
+    uint32_t held_in_a_row, calm, calm_wanted;
+    uint64_t held, coarsened, refined; /* ticks, changes so far */
+} palp_answer;
+
+typedef struct {
+    uint32_t level, flags; /* PALP_CONTACT_ flags */
+    uint32_t points, active, iterations;
+    bool held;      /* went on as foreseen, without a contact of its own */
+    bool shortened; /* did less than it would have with more time */
+} palp_answer_report;
+
+size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
+
+/*
+ * Errors: those of palp_contact_init; ARGUMENT also for an unsound cost table, a target without
+ * prices for contact on the surface, no clock or dt_s <= 0; BUDGET when the coarsest level does not
+ * fit the period: *bound_ns (may be NULL) then says how much time it needs. After an error *answer
+ * is not to be used.
+ */
+palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *config, void *memory,
+                             size_t bytes, float *bound_ns);
+
+/* Lets everything go. */
+void palp_answer_reset(palp_answer *answer);
+
+/* A tick that began at start_ns on the port's clock, with the devices at device_m[tool_count]. */
+void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
+                      palp_coupling_result *result, palp_answer_report *report);
+
+/* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
+float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);
+/* The same with one filling for each tool and PALP_ANSWER_ITERATIONS. */
+float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level);
+
+#endif
