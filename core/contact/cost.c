@@ -19,8 +19,11 @@ static uint32_t cells_met(const palp_meta *m, uint32_t axis, float reach) {
 static uint32_t nodes_around(const palp_blob *b, const uint32_t met[3]) {
     const palp_meta *m = b->meta;
     uint32_t most = 0;
+    /* each at most the cells of its axis */
     for (uint32_t z = 0; z + met[2] <= m->cells[2]; z++) {
+        /* at most cells */
         for (uint32_t y = 0; y + met[1] <= m->cells[1]; y++) {
+            /* at most cells */
             for (uint32_t x = 0; x + met[0] <= m->cells[0]; x++) {
                 uint32_t sum = 0;
                 for (uint32_t k = 0; k < met[2] * met[1]; k++) {

@@ -251,12 +251,12 @@ static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_su
     uint32_t perm[PARAMETERS];
     for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, !flat, cells, k, r[k]);
     for (uint32_t e = 0; e < PARAMETERS; e++) {
-        bool free = is_free(&l->used, central, flat, e);
+        bool follows = is_free(&l->used, central, flat, e);
         for (uint32_t p = 0; p < PARAMETERS; p++) {
-            bool both = free && is_free(&l->used, central, flat, p);
+            bool both = follows && is_free(&l->used, central, flat, p);
             a[e * PARAMETERS + p] = both ? r[3u + p][e] : (p == e ? 1.0f : 0.0f);
         }
-        for (uint32_t k = 0; k < 3u && !free; k++) r[k][e] = 0.0f;
+        for (uint32_t k = 0; k < 3u && !follows; k++) r[k][e] = 0.0f;
     }
     if (palp_lu_factor(a, perm, PARAMETERS, PARAMETERS) != PALP_OK) return (palp_vec3){0};
     float force[3];

@@ -59,6 +59,8 @@ typedef struct {
     uint32_t first;                         /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet; /* left in this filling */
     bool full;                              /* something was left out */
+    float gap_m, area_m2;                   /* of measure_node */
+    palp_surface_point deepest;
 } filling;
 
 static palp_vec3 direction_of(const filling *f, float a, float b) {
@@ -261,48 +263,10 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
     return palp_tool_extent(tool) + MARGIN * blob->meta->mean_edge_m;
 }
 
-typedef void (*node_visit)(filling *f, uint32_t node, float gap_m);
-
-/* Calls `visit` for each node near the tool that faces it. */
-static void visit_nodes(filling *f, node_visit visit) {
-    const palp_lattice_room *r = f->r;
-    const palp_blob *b = r->surface->blob;
-    const palp_meta *m = b->meta;
-    const float margin = MARGIN * m->mean_edge_m;
-    const float reach = palp_lattice_reach(r->tool, b);
-    const palp_vec3 c = f->drawn_back_m;
-    cell_range cells = cells_around(b, c, reach);
-    for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
-        for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
-            uint32_t row = (z * m->cells[1] + y) * m->cells[0];
-            uint32_t end = b->cell_offset[row + cells.high[0] + 1u];
-            for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++) {
-                uint32_t node = b->cell_node[k];
-                palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
-                *r->work += 10u;
-                if (palp_dot(v, v) > reach * reach) continue;
-                palp_gap gap = palp_tool_gap(r->tool, c, palp_add(c, v));
-                *r->work += 60u;
-                if (gap.gap_m > margin) continue;
-                if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
-                    continue;
-                visit(f, node, gap.gap_m);
-            }
-        }
-    }
-}
-
 /* Before there is a lattice: the deepest place, and the area that nodes see overlapped. */
-typedef struct {
-    filling f;
-    palp_surface_point deepest;
-    float gap_m, area_m2;
-} approach;
-
 static void measure_node(filling *f, uint32_t node, float gap_m) {
-    approach *a = (approach *)(void *)f; /* its first member */
-    if (gap_m < 0.0f) a->area_m2 += f->r->surface->blob->area_m2[node];
-    if (gap_m >= a->gap_m && !is_deepest(f, node, gap_m)) return;
+    if (gap_m < 0.0f) f->area_m2 += f->r->surface->blob->area_m2[node];
+    if (gap_m >= f->gap_m && !is_deepest(f, node, gap_m)) return;
     palp_surface_point p = point_at_node(f->r->surface, node);
     float least = gap_m;
     if (find_foot(f, &p)) {
@@ -310,9 +274,9 @@ static void measure_node(filling *f, uint32_t node, float gap_m) {
     } else {
         p = point_at_node(f->r->surface, node);
     }
-    if (least >= a->gap_m) return;
-    a->gap_m = least;
-    a->deepest = p;
+    if (least >= f->gap_m) return;
+    f->gap_m = least;
+    f->deepest = p;
 }
 
 /* A region that no place of the lattice has shown yet. */
@@ -341,6 +305,38 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
                    .rings = PALP_LATTICE_RINGS,
                    .feet = PALP_LATTICE_FEET};
     *r->count = first;
+}
+
+typedef enum { MEASURE, SEEK } purpose;
+
+/* Each node near the tool that faces it. */
+static void visit_nodes(filling *f, purpose of) {
+    const palp_lattice_room *r = f->r;
+    const palp_blob *b = r->surface->blob;
+    const palp_meta *m = b->meta;
+    const float margin = MARGIN * m->mean_edge_m;
+    const float reach = palp_lattice_reach(r->tool, b);
+    const palp_vec3 c = f->drawn_back_m;
+    cell_range cells = cells_around(b, c, reach);
+    for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
+        for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
+            uint32_t row = (z * m->cells[1] + y) * m->cells[0];
+            uint32_t end = b->cell_offset[row + cells.high[0] + 1u];
+            for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++) {
+                uint32_t node = b->cell_node[k];
+                palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
+                *r->work += 10u;
+                if (palp_dot(v, v) > reach * reach) continue;
+                palp_gap gap = palp_tool_gap(r->tool, c, palp_add(c, v));
+                *r->work += 60u;
+                if (gap.gap_m > margin) continue;
+                if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
+                    continue;
+                if (of == MEASURE) measure_node(f, node, gap.gap_m);
+                if (of == SEEK) seek_region(f, node, gap.gap_m);
+            }
+        }
+    }
 }
 
 /* ---- following the overlap ---- */
@@ -375,11 +371,11 @@ static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
 }
 
 static bool begin(palp_lattice *l, const palp_lattice_room *r) {
-    approach a = {.gap_m = 0.0f};
+    filling a;
     l->placed = false;
     l->at.back_m = 0.0f;
-    start_filling(&a.f, l, r, *r->count);
-    visit_nodes(&a.f, measure_node);
+    start_filling(&a, l, r, *r->count);
+    visit_nodes(&a, MEASURE);
     if (!(a.gap_m < 0.0f)) return false;
     float size = palp_tool_size(r->tool), depth = -a.gap_m;
     palp_vec3 c = palp_add(r->tool_m, center_of(r->tool));
@@ -460,7 +456,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
     l->seeds = 0;
     for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
-    visit_nodes(f, seek_region);
+    visit_nodes(f, SEEK);
 }
 
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {

@@ -64,8 +64,9 @@ static void fill_point(const palp_surface *s, palp_surface_point *p) {
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
                         uint32_t *crossings, palp_surface_point *point) {
     float slack = EDGE_SLACK;
-    for (uint32_t step = 0; step<PALP_SURFACE_CROSSINGS && * crossings> 0u; step++) {
+    for (uint32_t step = 0; step < PALP_SURFACE_CROSSINGS; step++) {
         float volume[3];
+        if (*crossings == 0u) return false;
         (*crossings)--;
         float sum = edge_volumes(surface, point->triangle, origin, direction, volume);
         if (!(sum < 0.0f)) return false;
