@@ -93,7 +93,7 @@ void palp_contact_clear(palp_contact *contact) {
         palp_lattice_clear(&c->table[t]);
         palp_lattice_clear(&c->table_before[t]);
         c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
-        c->normal_N[t] = 0.0f;
+        c->normal_N[t] = c->given_m[t] = 0.0f;
     }
     c->count = c->places = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
@@ -239,6 +239,7 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .number = t,
                                     .tool_m = c->tool_m[t],
                                     .cells = (float)c->level.cells * c->crowd,
+                                    .given_m = c->given_m[t],
                                     .point = c->point,
                                     .count = &c->places,
                                     .most = c->level.points,
@@ -348,7 +349,7 @@ void palp_contact_finish(palp_contact *contact) {
     palp_contact *c = contact;
     palp_vec3 push[PALP_CONTACT_TOOLS] = {{0}};
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->normal_N[t] = 0.0f;
+        c->normal_N[t] = c->given_m[t] = 0.0f;
         c->beyond_N[t] = (palp_vec3){0};
     }
     for (uint32_t i = 0; i < c->count; i++) c->point[i].force_N = 0.0f;
@@ -367,10 +368,16 @@ void palp_contact_finish(palp_contact *contact) {
         palp_contact_point *p = &c->point[i];
         p->u_m = palp_contact_displacement(c, i);
         c->energy_J += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
+        for (uint32_t k = 0; k < 3u; k++)
+            c->given_m[p->tool] +=
+                p->force_N * p->at.weight[k] * palp_dot(p->m, c->node_u_m[c->corner[i][k]]);
     }
     palp_contact_exact(c, c->beyond_N);
     for (uint32_t t = 0; t < c->tool_count; t++) {
         const palp_contact_spring *s = &c->spring[t];
+        float beyond = palp_norm(c->beyond_N[t]), most = PALP_CONTACT_BEYOND * palp_norm(push[t]);
+        if (beyond > most) c->beyond_N[t] = palp_scale(most / beyond, c->beyond_N[t]);
+        if (c->normal_N[t] > 0.0f) c->given_m[t] = palp_max(c->given_m[t] / c->normal_N[t], 0.0f);
         c->force_N[t] = palp_add(push[t], c->beyond_N[t]);
         c->rest_m[t] = s->held_m;
         if (s->stiffness_N_per_m > 0.0f)

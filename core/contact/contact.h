@@ -21,6 +21,10 @@
  *
  *     F = - sum lambda_i m_i + sum f_i . dy_i/dc + 1/2 f (dC/dc) f
  *
+ * The last two belong to the points, not to the body, and vanish as points become more. They are
+ * cut off at PALP_CONTACT_BEYOND of the first, which they reach where a tool meets folds or lies in
+ * several regions with few points in each; there F is not exact.
+ *
  * Calls of a tick, in this order, so that the caller can look at the clock in between:
  *
  *     palp_contact_begin       tools where they are expected
@@ -38,6 +42,7 @@
 #include "core/contact/lattice.h"
 
 #define PALP_CONTACT_TOOLS 4u
+#define PALP_CONTACT_BEYOND 0.03f
 #define PALP_CONTACT_MAX_POINTS 126u /* of the finest level there is */
 #define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
 #define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
@@ -92,6 +97,7 @@ typedef struct {
     palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
     palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
     float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
+    float given_m[PALP_CONTACT_TOOLS];      /* mean displacement by the modes, along the forces */
     float energy_J;                         /* f C f / 2 */
     float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t *node;      /* [3 room] corners of the points' triangles, each once */

@@ -84,7 +84,7 @@ enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
 
 /* Whether a lattice has that parameter now. */
 static bool is_free(const palp_lattice_state *s, bool central, bool flat, uint32_t parameter) {
-    if (parameter == BACK) return s->back_m > 0.0f;
+    if (parameter == BACK) return s->deep;
     if (parameter == SPACING) return true;
     if (parameter >= ORIGIN) return !central;
     return !flat;
@@ -238,7 +238,7 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
         2.0f / 3.0f *
             (2.0f * f->s0 * f->d0[k] / f->s1 - f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
         cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
-    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] : 0.0f;
+    r[BACK] = s->deep ? f->ddeepest[k] : 0.0f;
 }
 
 /* Adds Q_p dp/dc. */

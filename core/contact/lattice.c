@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 #include "lattice.h"
 
-#define DEPTH 0.7f   /* overlap of the drawn-back tool at most, over its size */
+#define DEPTH 0.7f  /* overlap of the drawn-back tool at most, over its size */
+#define GIVEN 0.8f  /* of the depth: drawn back at most for what the body gives as a whole */
+#define APART 0.75f /* length of the mean direction below which a lattice is not drawn back */
+#define TOGETHER 0.9f
+#define UPRIGHT 300u /* fillings */
 #define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
 #define MARGIN 0.6f  /* edges beyond the tool within which nodes lead to regions */
 #define FACING 0.15f /* cosine between shot and surface below which no point is taken */
@@ -439,8 +443,15 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         moved = palp_norm(shift) / l->at.spacing;
         l->at.spacing *= change;
     }
-    float most = DEPTH * palp_tool_size(r->tool),
-          back = palp_max(l->at.back_m + deepest - most, 0.0f);
+    float most = DEPTH * palp_tool_size(r->tool), depth = l->at.back_m + deepest;
+    /* regions that face each other have no axis in common to draw back along */
+    float together = f->central ? palp_norm(toward) / weight : palp_norm(out) / weight;
+    float share = palp_clamp((together - APART) / (TOGETHER - APART), 0.0f, 1.0f);
+    if (l->upright > 0u) share = 0.0f;
+    if (l->upright > 0u) l->upright--;
+    float back = share * palp_min(r->given_m, GIVEN * depth);
+    l->at.deep = share > 0.0f && depth - most > back;
+    if (l->at.deep) back = depth - most;
     moved += palp_abs(back - l->at.back_m) / most;
     l->at.back_m = back;
     set_origin(l, r->tool);
@@ -467,6 +478,7 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     if (begun && !begin(l, room)) return 0u;
     fill(&f, l, room, first);
     l->placed = *room->count > first;
+    if (!l->placed && l->at.back_m > 0.0f) l->upright = UPRIGHT;
     if (!l->placed) return begun ? 0u : PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = follow(l, room, &f);
     return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);

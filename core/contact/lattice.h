@@ -14,8 +14,10 @@
  * (a_i: area of the cell, d_i: overlap), so that about `cells` of the points come to carry force,
  * whatever the size of the contact and however many regions it has.
  *
- * A tool that is pressed deep is drawn back along the axis before its overlap is measured, to at
- * most LATTICE_DEPTH of its size: this only says where points are wanted, not what they feel.
+ * Before its overlap is measured a tool is drawn back along the axis by what the body as a whole
+ * gave way in the last tick (a thin part bends away, and little of it is touched), and where it is
+ * pressed deep so far that the overlap is at most 0.7 of its size. This only says where points are
+ * wanted, not what they feel.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
@@ -63,6 +65,7 @@ typedef struct {
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
     float back_m;               /* how far the tool is drawn back, along -axis */
     float spacing;              /* rad for a sphere, else m */
+    bool deep;                  /* drawn back because it is pressed deep */
 } palp_lattice_state;
 
 typedef struct {
@@ -70,6 +73,7 @@ typedef struct {
     palp_lattice_state used; /* of the points of this tick */
     float area_m2;           /* A */
     bool placed;
+    uint32_t upright; /* fillings for which it is not drawn back, after that lost the surface */
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
 } palp_lattice;
@@ -81,6 +85,7 @@ typedef struct {
     uint32_t number;           /* of the tool */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
+    float given_m;             /* by the body as a whole, in the last tick */
     palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
     palp_lattice_table *table; /* of this tool and tick */
