@@ -21,7 +21,10 @@
  *   zone/   multizone models: postures, seams, the posed model as contact sees it
  *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands on
  *           blob alone)
- *   touch/  tools, contact, friction, change of constraint level, point contact, virtual coupling,
+ *   surface/ one body's surface: its points, and how it gives way between them
+ *   contact/ tools, contact points that travel with them, contact with its exact gradient, friction
+ *   haptic/ virtual coupling that foresees
+ *   touch/  contact at nodes: tools, contact, friction, change of constraint level, point contact, virtual coupling,
  *           imposed motion
  *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
  *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the bounded
@@ -46,6 +49,7 @@
 #include "core/green/cma.h"
 #include "core/green/detail.h"
 #include "core/green/field.h"
+#include "core/servo/answer.h"
 #include "core/servo/dynamic.h"
 #include "core/servo/servo.h"
 #include "core/touch/point.h"

@@ -243,6 +243,8 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .point = c->point,
                                     .count = &c->places,
                                     .most = c->level.points,
+                                    .before = c->before,
+                                    .count_before = c->count_before,
                                     .table = &c->table[t],
                                     .work = &c->work_done};
     uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);

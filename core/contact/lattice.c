@@ -157,10 +157,10 @@ static bool nearest_place(const filling *f, palp_vec3 y, int32_t place[2]) {
     float a, b;
     if (!map(f, y, &a, &b)) return false;
     float row = b / (f->l->at.spacing * ROW);
-    if (palp_abs(row) > (float)PLACE_MOST) return false;
+    if (!(palp_abs(row) < (float)PLACE_MOST)) return false; /* or not a number */
     place[1] = (int32_t)(row + (row >= 0.0f ? 0.5f : -0.5f));
     float column = a / f->l->at.spacing - 0.5f * (float)place[1];
-    if (palp_abs(column) > (float)PLACE_MOST) return false;
+    if (!(palp_abs(column) < (float)PLACE_MOST)) return false;
     place[0] = (int32_t)(column + (column >= 0.0f ? 0.5f : -0.5f));
     return true;
 }
@@ -467,6 +467,11 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
     l->seeds = 0;
     for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
+    for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
+        const palp_contact_point *p = &r->before[k];
+        if (p->tool == r->number && p->active && !is_known(f, p->at.y))
+            (void)fill_region(f, &p->at);
+    }
     visit_nodes(f, SEEK);
 }
 

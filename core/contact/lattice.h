@@ -88,6 +88,8 @@ typedef struct {
     float given_m;             /* by the body as a whole, in the last tick */
     palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
+    const palp_contact_point *before; /* [count_before] of the last tick, of all tools */
+    uint32_t count_before;
     palp_lattice_table *table; /* of this tool and tick */
     uint64_t *work;            /* operations so far */
 } palp_lattice_room;

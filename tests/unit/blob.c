@@ -72,6 +72,20 @@ static void expect_bad(uint32_t type, size_t at, uint32_t value, palp_status wan
     free(copy);
 }
 
+/* Presses a ball into a body somewhere, whatever its numbers are. */
+static void touch(const palp_blob *b, double where) {
+    palp_contact c;
+    uint32_t node = (uint32_t)(where * b->meta->nodes) % b->meta->nodes;
+    palp_tool tool = palp_tool_sphere(2.0f * b->meta->mean_edge_m);
+    size_t bytes = palp_contact_memsize(b, 1, PALP_CONTACT_FINEST);
+    void *memory = allocate_aligned(bytes + 1, 1);
+    if (palp_contact_init(&c, b, &tool, 1, PALP_CONTACT_FINEST, memory, bytes) == PALP_OK) {
+        const palp_contact_spring held = {.held_m = palp_vec3_at(b->rest_m + 3 * (size_t)node)};
+        for (int k = 0; k < 3; k++) palp_contact_solve(&c, &held.held_m, &held);
+    }
+    free(memory);
+}
+
 /* Random words in resealed blobs: opening either refuses, or leaves views through which solving
  * stays inside. */
 static void test_random(void) {
@@ -105,6 +119,7 @@ static void test_random(void) {
         free(memory);
         free(u);
         free(f);
+        touch(&b, fabs(tap_random(&seed)));
     }
     CHECK(true, "%zu resealed random changes: %zu accepted, and solved without leaving the blob",
           total, accepted);
@@ -125,7 +140,7 @@ static void test_short_rows(void) {
     size_t bytes = palp_node_contact_memsize(&b, PALP_NODE_CONTACT_DEFAULTS);
     palp_tool tool = palp_tool_sphere(0.2f);
     (void)palp_node_contact_init(&c, &b, b.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                            allocate_aligned(bytes, 1), bytes);
+                                 allocate_aligned(bytes, 1), bytes);
     palp_node_contact_admit(&c, (palp_fresh){.slot = 0});
     CHECK(c.count == 0 && (c.flags & PALP_NODE_CONTACT_CANDIDATES_FULL) != 0,
           "and contact leaves the node out, flagged");

@@ -1,0 +1,509 @@
+/* SPDX-License-Identifier: MIT */
+/* Contact on the surface: against Hertz, a dense problem in double, differences of the energy, and
+ * under disturbance in virtual time. */
+#include "tests/models.h"
+#include "tests/tap.h"
+#include "tools/parallel.h"
+#include "tools/util.h"
+#include <stdlib.h>
+#include <string.h>
+
+static palp_contact *open_contact(const palp_blob *b, const palp_tool *tool, uint32_t tools) {
+    size_t bytes = palp_contact_memsize(b, tools, PALP_CONTACT_LEVELS - 1u);
+    palp_contact *c = allocate(1, sizeof *c);
+    palp_status status = palp_contact_init(c, b, tool, tools, PALP_CONTACT_LEVELS - 1u,
+                                           allocate_aligned(bytes, 1), bytes);
+    if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
+    c->now = PALP_CONTACT_FINEST;
+    return c;
+}
+
+static void hold(palp_contact *c, palp_vec3 at, int ticks) {
+    const palp_contact_spring held = {.held_m = at};
+    for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &held);
+}
+
+/* A direction in the upper half. */
+static void direction(uint64_t *seed, double d[3]) {
+    do {
+        for (int k = 0; k < 3; k++) d[k] = tap_random(seed);
+    } while (v_norm(d) > 1 || v_norm(d) < 0.1);
+    d[2] = fabs(d[2]);
+    v_normalize(d);
+}
+
+static palp_vec3 times(const double d[3], double s) {
+    return (palp_vec3){(float)(d[0] * s), (float)(d[1] * s), (float)(d[2] * s)};
+}
+
+/* ---- the data in the blob ---- */
+
+/* B and the modes together are G, block by block, between free nodes. */
+static void test_split(const baked *b) {
+    regular_body body = {.m = &b->m,
+                         .area = b->area,
+                         .normal = b->normal,
+                         .young_Pa = (double)b->blob.meta->young_Pa,
+                         .poisson = (double)b->blob.meta->poisson,
+                         .h = &b->d.h,
+                         .level = b->blob.meta->levels - 1};
+    regular_stars *stars = regular_stars_build(&body);
+    const palp_regular *g = &b->blob.regular;
+    double off = 0, all = 0, own = 0;
+    for (uint32_t i = 0; i < b->m.vertices; i += 3) {
+        for (uint32_t j = 0; j < b->m.vertices; j += 3) {
+            if (b->fixed[i] != 0 || b->fixed[j] != 0) continue;
+            double there[9], back[9], self = 0, wrong = 0;
+            regular_half_space(stars, i, j, there);
+            regular_half_space(stars, j, i, back);
+            for (size_t e = 0; e < 9; e++) {
+                double sum = 0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
+                for (size_t a = 0; a < g->modes; a++)
+                    sum += (double)g->value[a] * g->vector[(3 * i + e / 3) * g->modes + a] *
+                           g->vector[(3 * j + e % 3) * g->modes + a] /
+                           ((double)PALP_MODE_UNIT * (double)PALP_MODE_UNIT);
+                double exact = greens_row(&b->g, i, e / 3)[3 * j + e % 3];
+                off += (sum - exact) * (sum - exact);
+                all += exact * exact;
+                wrong += (sum - exact) * (sum - exact);
+                self += exact * exact;
+            }
+            if (i == j) own = fmax(own, sqrt(wrong / self));
+        }
+    }
+    regular_stars_free(stars);
+    AT_MOST(sqrt(off / all), 0.03, "half-space and %u modes against G, %u nodes", g->modes,
+            b->m.vertices);
+    AT_MOST(own, 0.2, "worst own block of a node");
+}
+
+static void test_across(const baked *b) {
+    uint32_t *across = regular_across(&b->m);
+    bool mutual = true;
+    for (uint32_t t = 0; t < b->m.triangles; t++) {
+        for (uint32_t k = 0; k < 3; k++) {
+            uint32_t other = across[3 * t + k];
+            bool back = false;
+            for (uint32_t q = 0; q < 3; q++) back = back || across[3 * other + q] == t;
+            mutual = mutual && back;
+        }
+    }
+    CHECK(mutual, "each triangle lies across from those across from it");
+    free(across);
+}
+
+/* ---- forces ---- */
+
+static void test_hertz(const baked *b) {
+    static const double size[] = {0.1, 0.2, 0.4, 0.8}, mean_goal[] = {5, 3, 3, 3},
+                        spread_goal[] = {9, 3, 3, 3};
+    const palp_meta *m = b->blob.meta;
+    double edge = (double)m->mean_edge_m, nu = (double)m->poisson;
+    double stiff = (double)m->young_Pa / (1 - nu * nu);
+    uint64_t seed = 5;
+    for (size_t s = 0; s < 4; s++) {
+        double sum = 0, square = 0, aside = 0;
+        const int places = 20;
+        for (int i = 0; i < places; i++) {
+            double d[3], a = size[s] * edge, radius = a / 0.3, rho = radius / (1 + radius);
+            double depth = a * a / rho, force = 0, h = 0;
+            direction(&seed, d);
+            palp_tool tool = palp_tool_sphere((float)radius);
+            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_vec3 at = times(d, 1 + radius - depth);
+            hold(c, at, 8);
+            palp_surface_point p = c->point[0].at;
+            float row[PALP_MAX_MODES];
+            uint32_t crossings = 64;
+            CHECK(palp_surface_shoot(&c->surface, at, times(d, -1), &crossings, &p) || i > 0,
+                  "the surface is met below the tool");
+            palp_surface_modes(&c->surface, &p, times(d, 1), m->modes, row, 1);
+            for (uint32_t k = 0; k < m->modes; k++)
+                h += (double)(b->blob.regular.value[k] * row[k] * row[k]);
+            for (int it = 0; it < 80; it++) /* depth = Hertz' own and what the ball gives */
+                force = 0.5 * force +
+                        0.5 * 4 / 3 * stiff * sqrt(rho) * pow(fmax(depth - force * h, 0), 1.5);
+            double error = (double)palp_norm(c->force_N[0]) / force - 1;
+            sum += error;
+            square += error * error;
+            double along = (double)palp_dot(c->force_N[0], times(d, 1));
+            aside = fmax(aside, acos(fmin(along / (double)palp_norm(c->force_N[0]), 1)));
+            free(c);
+        }
+        double mean = sum / places;
+        AT_MOST(fabs(100 * mean), mean_goal[s],
+                "%u nodes, contact radius %g edges: mean off Hertz in %%", m->nodes, size[s]);
+        AT_MOST(100 * sqrt(square / places - mean * mean), spread_goal[s], "spread in %%");
+        AT_MOST(aside * 57.3, 1, "direction in degrees");
+    }
+}
+
+/* All nodes under a tool of several edges, in true geometry, from dense Green's functions in
+ * double: |x + u - c| >= R by projected Gauss-Seidel, directions renewed. At small depths few nodes
+ * are touched and the reference has the mesh's rhythm itself. */
+static double dense_force(const baked *b, const double c[3], double radius) {
+    enum { MOST = 400 };
+    static double g[MOST][MOST], d[MOST], lambda[MOST], u[MOST][3], m[MOST][3];
+    uint32_t node[MOST], n = 0;
+    for (uint32_t i = 0; i < b->m.vertices && n < MOST; i++) {
+        double r[3];
+        v_sub(b->m.x[i], c, r);
+        if (b->fixed[i] == 0 && v_norm(r) < 1.05 * radius && v_dot(r, b->normal[i]) < 0)
+            node[n++] = i;
+    }
+    memset(u, 0, sizeof u);
+    for (int outer = 0; outer < 6; outer++) {
+        for (uint32_t i = 0; i < n; i++) {
+            for (int k = 0; k < 3; k++) m[i][k] = b->m.x[node[i]][k] + u[i][k] - c[k];
+            double length = v_norm(m[i]);
+            v_normalize(m[i]);
+            d[i] = radius - length + v_dot(m[i], u[i]);
+            lambda[i] = 0;
+        }
+        for (uint32_t i = 0; i < n; i++) {
+            for (uint32_t j = 0; j < n; j++) {
+                g[i][j] = 0;
+                for (size_t e = 0; e < 9; e++)
+                    g[i][j] += m[i][e / 3] *
+                               greens_row(&b->g, node[i], e / 3)[3 * node[j] + e % 3] * m[j][e % 3];
+            }
+        }
+        for (int sweep = 0; sweep < 3000; sweep++) {
+            for (uint32_t i = 0; i < n; i++) {
+                double rest = d[i];
+                for (uint32_t j = 0; j < n; j++) rest -= g[i][j] * lambda[j];
+                lambda[i] = fmax(lambda[i] + rest / g[i][i], 0);
+            }
+        }
+        memset(u, 0, sizeof u);
+        for (uint32_t i = 0; i < n; i++) {
+            for (uint32_t j = 0; j < n; j++) {
+                for (size_t e = 0; e < 9; e++)
+                    u[i][e / 3] += greens_row(&b->g, node[i], e / 3)[3 * node[j] + e % 3] *
+                                   m[j][e % 3] * lambda[j];
+            }
+        }
+    }
+    double force[3] = {0};
+    for (uint32_t i = 0; i < n; i++) {
+        for (int k = 0; k < 3; k++) force[k] -= lambda[i] * m[i][k];
+    }
+    return v_norm(force);
+}
+
+static void test_dense(const baked *b) {
+    static const double depth[] = {0.05, 0.1, 0.2};
+    double radius = 6 * (double)b->blob.meta->mean_edge_m;
+    uint64_t seed = 11;
+    for (size_t s = 0; s < 3; s++) {
+        double d[3], worst = 0;
+        for (int i = 0; i < 3; i++) {
+            direction(&seed, d);
+            palp_tool tool = palp_tool_sphere((float)radius);
+            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_vec3 at = times(d, 1 + radius * (1 - depth[s]));
+            const double center[3] = {(double)at.x, (double)at.y, (double)at.z};
+            hold(c, at, 10);
+            worst = fmax(
+                worst, fabs((double)palp_norm(c->force_N[0]) / dense_force(b, center, radius) - 1));
+            free(c);
+        }
+        AT_MOST(100 * worst, s == 0 ? 12 : 5,
+                "tool of 6 edges, depth %g R: off all nodes in true geometry, in %%", depth[s]);
+    }
+}
+
+/* The force is the gradient of the energy, whatever the tool's shape. */
+static void test_gradient(const baked *b) {
+    float e = b->blob.meta->mean_edge_m;
+    palp_tool tool[4] = {palp_tool_sphere(2 * e), palp_tool_sphere(e), palp_tool_sphere(e), {0}};
+    static const char *const name[] = {"sphere of 2 edges", "sphere of 1 edge", "three balls",
+                                       "cylinder"};
+    tool[2].balls = 3;
+    for (uint32_t k = 1; k < 3; k++)
+        tool[2].ball[k] = (palp_ball){{(k == 1 ? 1.0f : -1.0f) * 1.2f * e, 0, 0}, e};
+    tool[3].cylinder = (palp_cylinder){
+        .axis = {1, 0, 0}, .radius_m = 1.5f * e, .half_m = 2.0f * e, .rim_m = 0.7f * e};
+    for (size_t s = 0; s < 4; s++) {
+        palp_contact *c = open_contact(&b->blob, &tool[s], 1);
+        float size = palp_tool_size(&tool[s]), step = 0.01f * size;
+        palp_vec3 at = {0.05f, -0.02f, 1.0f + 0.85f * (s == 3 ? 1.5f * e : size)}, gradient = {0};
+        hold(c, at, 30);
+        palp_vec3 force = c->force_N[0];
+        float *axis[3] = {&gradient.x, &gradient.y, &gradient.z};
+        for (int k = 0; k < 3; k++) {
+            float energy[2];
+            for (int side = 0; side < 2; side++) {
+                palp_vec3 moved = at;
+                float *x[3] = {&moved.x, &moved.y, &moved.z};
+                *x[k] += side == 0 ? -step : step;
+                hold(c, moved, 30);
+                energy[side] = c->energy_J;
+            }
+            *axis[k] = -(energy[1] - energy[0]) / (2 * step);
+        }
+        double off = (double)(palp_norm(palp_sub(gradient, force)) / palp_norm(force));
+        AT_MOST(off, s < 2 ? 2e-3 : 3e-2, "%s: force against differences of the energy", name[s]);
+        free(c);
+    }
+}
+
+static void test_levels(const baked *b) {
+    double e = (double)b->blob.meta->mean_edge_m;
+    uint64_t seed = 3;
+    for (uint32_t l = 0; l + 1 < PALP_CONTACT_LEVELS; l++) {
+        double worst = 0;
+        for (int i = 0; i < 12; i++) {
+            double d[3], radius = (1 + i % 4) * e;
+            direction(&seed, d);
+            palp_tool tool = palp_tool_sphere((float)radius);
+            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_vec3 at = times(d, 1 + 0.9 * radius);
+            c->now = PALP_CONTACT_LEVELS - 1u;
+            hold(c, at, 8);
+            palp_vec3 fine = c->force_N[0];
+            c->now = l;
+            hold(c, at, 8);
+            worst =
+                fmax(worst, (double)(palp_norm(palp_sub(fine, c->force_N[0])) / palp_norm(fine)));
+            free(c);
+        }
+        AT_MOST(100 * worst, l < 3 ? 6 : 3, "level %u against %u, worst of 12, in %%", l,
+                PALP_CONTACT_LEVELS - 1u);
+    }
+}
+
+/* Net work over a closed path, over what is stored on the way. */
+static void test_closed_path(const baked *b) {
+    double e = (double)b->blob.meta->mean_edge_m, radius = 2 * e, work = 0, stored = 0;
+    palp_tool tool = palp_tool_sphere((float)radius);
+    palp_contact *c = open_contact(&b->blob, &tool, 1);
+    palp_vec3 before_m = {0}, before_N = {0};
+    const int ticks = 6000;
+    for (int i = 0; i <= 2 * ticks; i++) {
+        double q = 2 * acos(-1.0) * i / ticks;
+        palp_vec3 at = {(float)(0.5 * radius * cos(q)), (float)(0.5 * radius * sin(q)),
+                        (float)(1 + radius * (0.8 + 0.08 * sin(q)))};
+        hold(c, at, 1);
+        if (i > ticks) {
+            palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
+            work += (double)palp_dot(mean, palp_sub(at, before_m));
+            stored = fmax(stored, (double)c->energy_J);
+        }
+        before_m = at;
+        before_N = c->force_N[0];
+    }
+    AT_MOST(fmax(work, 0) / stored, 1e-4, "closed path: given to the hand over what was stored");
+    AT_MOST(fabs(work) / stored, 1e-3, "closed path: net work over what was stored");
+    free(c);
+}
+
+/* ---- the answer in virtual time ---- */
+
+typedef struct {
+    palp_answer answer;
+    palp_tool tool;
+    uint64_t base_ns, base_work;
+    uint32_t looks, leap_at;
+    uint64_t leap_ns;
+    double ns_per_operation;
+} hand;
+
+static uint64_t virtual_ns(void *context) {
+    hand *h = context;
+    if (h->leap_at > 0 && ++h->looks == h->leap_at) h->base_ns += h->leap_ns;
+    double work = (double)(h->answer.contact.work_done - h->base_work);
+    return h->base_ns + (uint64_t)(work * h->ns_per_operation);
+}
+
+static palp_status open_hand(hand *h, const palp_blob *b, double ns_per_operation, float friction) {
+    *h = (hand){.ns_per_operation = ns_per_operation};
+    h->tool = palp_tool_sphere(2 * b->meta->mean_edge_m);
+    h->tool.friction = friction;
+    size_t bytes = palp_answer_memsize(b, 1, PALP_CONTACT_FINEST);
+    const palp_answer_config config = {
+        .blob = b,
+        .tools = &h->tool,
+        .tool_count = 1,
+        .finest = PALP_CONTACT_FINEST,
+        .cost = {&palp_target_counted, (float)ns_per_operation, 0, 0.8f},
+        .port = {virtual_ns, h},
+        .dt_s = 1e-3f};
+    palp_status status =
+        palp_answer_init(&h->answer, &config, allocate_aligned(bytes, 1), bytes, NULL);
+    if (status == PALP_OK) h->answer.coupling.tool[0].stiffness_N_per_m = 5000;
+    return status;
+}
+
+static palp_coupling_result tick(hand *h, palp_vec3 device, palp_answer_report *r) {
+    palp_coupling_result result;
+    palp_answer_report unused;
+    h->looks = 0;
+    h->base_work = h->answer.contact.work_done;
+    palp_answer_tick(&h->answer, virtual_ns(h), &device, &result, r != NULL ? r : &unused);
+    h->base_ns += 1000000;
+    return result;
+}
+
+/* Above the pole, sunk by that share of the tool's radius. */
+static palp_vec3 above(const hand *h, float sunk) {
+    float radius = h->tool.ball[0].radius_m;
+    return (palp_vec3){0.03f, 0.01f, 1.0f + radius * (1.0f - sunk)};
+}
+
+static void test_answer(const palp_blob *b) {
+    hand h;
+    palp_answer_report r;
+    CHECK(open_hand(&h, b, 0.5, 0) == PALP_OK, "the answer opens");
+    palp_vec3 force = {0};
+    for (int i = 0; i < 200; i++) force = tick(&h, above(&h, -0.1f), NULL).force_N;
+    CHECK(!(palp_norm(force) > 0), "nothing is felt beside the body");
+    for (int i = 0; i < 400; i++) force = tick(&h, above(&h, (float)i / 1000.0f), &r).force_N;
+    CHECK(palp_norm(force) > 1.0f && r.level == PALP_CONTACT_FINEST && !r.held,
+          "pressed, on the finest level");
+    for (int i = 0; i < 100; i++) force = tick(&h, above(&h, 0.4f), NULL).force_N;
+    double off = 0;
+    bool all_held = true;
+    for (uint32_t at = 2; at < 5; at++) { /* before, in the middle, and at the end of the work */
+        h.leap_at = at;
+        h.leap_ns = 3000000;
+        off = fmax(off, (double)palp_norm(palp_sub(tick(&h, above(&h, 0.4f), &r).force_N, force)));
+        all_held = all_held && r.level == PALP_CONTACT_FINEST;
+        h.leap_at = 0;
+        for (int i = 0; i < 20; i++) {
+            palp_vec3 now = tick(&h, above(&h, 0.4f), &r).force_N;
+            off = fmax(off, (double)palp_norm(palp_sub(now, force)));
+        }
+    }
+    AT_MOST(off / (double)palp_norm(force), 1e-3,
+            "three stalls of 3 ms at rest: largest change of force");
+    CHECK(all_held && h.answer.coarsened == 0, "no stall changes the level");
+    for (int i = 0; i < 100; i++) { /* always late: the level gives way */
+        h.leap_at = 2;
+        h.leap_ns = 400000;
+        (void)tick(&h, above(&h, 0.4f), &r);
+    }
+    CHECK(r.level < PALP_CONTACT_FINEST && h.answer.coarsened > 0,
+          "lasting lack of time does: level %u", r.level);
+    h.leap_at = 0;
+    double step = 0;
+    palp_vec3 before = tick(&h, above(&h, 0.4f), NULL).force_N;
+    for (int i = 0; i < 4000; i++) {
+        palp_vec3 now = tick(&h, above(&h, 0.4f), &r).force_N;
+        step = fmax(step, (double)palp_norm(palp_sub(now, before)));
+        before = now;
+    }
+    CHECK(r.level == PALP_CONTACT_FINEST, "and comes back");
+    AT_MOST((double)(palp_norm(palp_sub(before, force)) / palp_norm(force)), 0.01,
+            "to the same force");
+    AT_MOST(step / (double)palp_norm(force), 0.01, "without a step");
+    hand jumped;
+    (void)open_hand(&jumped, b, 0.5, 0);
+    for (int i = 0; i < 20; i++) (void)tick(&jumped, above(&jumped, -0.5f), NULL);
+    palp_vec3 now = {0};
+    for (int i = 0; i < 100; i++) now = tick(&jumped, above(&jumped, 0.4f), NULL).force_N;
+    AT_MOST((double)(palp_norm(palp_sub(now, force)) / palp_norm(force)), 0.01,
+            "a jump into the body comes to the force of a slow press");
+    CHECK(open_hand(&jumped, b, 50, 0) == PALP_ERR_BUDGET,
+          "a controller that is too slow is refused");
+}
+
+/* Dragged sideways: sticks first, then slides with mu N. */
+static void test_friction(const palp_blob *b) {
+    hand h;
+    if (open_hand(&h, b, 0.1, 0.3f) != PALP_OK) die(EXIT_WORK, "the answer does not open");
+    float radius = h.tool.ball[0].radius_m;
+    palp_vec3 at = above(&h, 0.4f);
+    for (int i = 0; i < 200; i++) (void)tick(&h, at, NULL);
+    const palp_friction *f = &h.answer.coupling.tool[0].friction;
+    bool stuck = true, slid = false;
+    double beyond = 0, kinetic = 0;
+    for (int i = 0; i < 600; i++) {
+        at.x += 0.001f * radius;
+        (void)tick(&h, at, NULL);
+        double share = (double)palp_norm(f->force_N) / (0.3 * (double)h.answer.contact.normal_N[0]);
+        if (i < 5) stuck = stuck && !f->slipping;
+        slid = slid || f->slipping;
+        beyond = fmax(beyond, share - 1);
+        if (i > 400) kinetic = fmax(kinetic, fabs(share - 1));
+    }
+    CHECK(stuck && slid, "a dragged tool sticks, then slides");
+    AT_MOST(beyond, 1e-3, "never more than mu N");
+    AT_MOST(kinetic, 0.01, "mu N while it slides");
+}
+
+static void test_two_tools(const baked *b) {
+    float e = b->blob.meta->mean_edge_m;
+    palp_tool tool[2] = {palp_tool_sphere(2 * e), palp_tool_sphere(2 * e)};
+    palp_contact *c = open_contact(&b->blob, tool, 2);
+    const palp_vec3 at[2] = {{0, 0, 1 + 1.7f * e}, {1 + 1.7f * e, 0, 0.2f}};
+    const palp_contact_spring held[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
+    for (int i = 0; i < 10; i++) palp_contact_solve(c, at, held);
+    float both = c->normal_N[0];
+    palp_contact *one = open_contact(&b->blob, tool, 1);
+    hold(one, at[0], 10);
+    AT_MOST(fabs((double)(both / one->normal_N[0]) - 1), 0.05,
+            "a second tool far away changes little");
+    CHECK(c->normal_N[1] > 0.0f, "and presses as well");
+    free(c);
+    free(one);
+}
+
+static void test_errors(const baked *b) {
+    palp_tool tool = palp_tool_sphere(0.2f), bad = palp_tool_sphere(-1);
+    palp_contact c;
+    size_t bytes = palp_contact_memsize(&b->blob, 1, PALP_CONTACT_FINEST);
+    uint8_t *memory = allocate_aligned(bytes + 64, 1);
+    palp_blob plain = b->blob;
+    plain.regular = (palp_regular){.modes = 0};
+    CHECK(palp_contact_init(&c, &plain, &tool, 1, 2, memory, bytes) == PALP_ERR_ARGUMENT,
+          "a body without modes cannot be touched");
+    CHECK(palp_contact_init(&c, &b->blob, &bad, 1, 2, memory, bytes) == PALP_ERR_ARGUMENT,
+          "an unsound tool");
+    CHECK(palp_contact_init(&c, &b->blob, &tool, 0, 2, memory, bytes) == PALP_ERR_ARGUMENT,
+          "no tool");
+    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, PALP_CONTACT_LEVELS, memory, bytes) ==
+              PALP_ERR_LIMITS,
+          "no such level");
+    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, PALP_CONTACT_FINEST, memory, bytes - 1) ==
+              PALP_ERR_MEMORY,
+          "too little memory");
+    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, 2, memory + 4, bytes) == PALP_ERR_ALIGNMENT,
+          "odd memory");
+    free(memory);
+}
+
+/* Work that outgrows its stage neither spins nor is shown beyond all of it. */
+static void test_progress(void) {
+    double start = now_s();
+    progress_quiet(0);
+    progress_begin("a stage told less than it does", 1);
+    for (int i = 0; i < 1000; i++) progress_add(1e15);
+    progress_end();
+    progress_begin("a stage of unknown length", 0);
+    progress_add(1e300);
+    progress_end();
+    progress_quiet(1);
+    AT_MOST(now_s() - start, 1, "progress beyond its total, in s");
+}
+
+int main(void) {
+    progress_quiet(1);
+    test_progress();
+    baked small = model_bake(model_sphere(2), -0.7, 0, false, false);
+    baked ball = model_bake(model_sphere(3), -0.7, 0, false, false);
+    test_across(&small);
+    test_split(&small);
+    test_split(&ball);
+    test_hertz(&small);
+    test_hertz(&ball);
+    test_dense(&ball);
+    test_gradient(&ball);
+    test_levels(&ball);
+    test_closed_path(&ball);
+    test_answer(&ball.blob);
+    test_friction(&ball.blob);
+    test_two_tools(&ball);
+    test_errors(&small);
+    return tap_done();
+}
