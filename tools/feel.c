@@ -248,6 +248,16 @@ static double regular_compliance(const palp_contact *c, const palp_surface_point
 
 /* ---- measures ---- */
 
+/* Whether no part of the body lies more than half as much again in a tool pressed so deep. */
+static bool is_clear(const bench *b, palp_vec3 at, double radius, double depth) {
+    float least = (float)(radius - 1.5 * depth - 0.02 * b->edge_m);
+    for (uint32_t i = 0; i < b->blob->meta->nodes; i++) {
+        palp_vec3 d = palp_sub(at_node(b->blob->rest_m, i), at);
+        if (palp_dot(d, d) < least * least) return false;
+    }
+    return true;
+}
+
 static void against_hertz(bench *b) {
     static const double size[] = {0.1, 0.2, 0.5, 1};
     const palp_meta *m = b->blob->meta;
@@ -264,7 +274,12 @@ static void against_hertz(bench *b) {
             palp_contact *c = open_contact(b->blob, &tool, PALP_CONTACT_FINEST);
             palp_surface_point p = start_at(c, b->place[i]);
             double h = regular_compliance(c, &p);
-            hold(c, palp_madd(p.y, (float)(radius - depth), p.n), 8);
+            palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
+            hold(c, at, 8);
+            if (!is_clear(b, at, radius, depth)) {
+                close_contact(c);
+                continue;
+            }
             for (int it = 0; it < 60; it++) { /* depth = depth of Hertz + force H */
                 double left = fmax(depth - force * h, 0);
                 force = 0.5 * force + 0.5 * 4.0 / 3 * stiff * sqrt(effective) * pow(left, 1.5);
@@ -275,7 +290,7 @@ static void against_hertz(bench *b) {
             used++;
             close_contact(c);
         }
-        char of[64];
+        char of[72];
         double mean = used > 0 ? sum / used : (double)NAN;
         snprintf(of, sizeof of, "contact radius %g edges, %u places", size[s], used);
         feel_add(&b->table, "Hertz, mean", of, 100 * mean, "%", FORCE_THRESHOLD, s == 0 ? 5 : 3);
@@ -284,37 +299,48 @@ static void against_hertz(bench *b) {
     }
 }
 
-/* Slides at constant depth; returns ripple over a window of one edge to each side, or NAN where the
- * path leaves the surface; *lost counts ticks without force. */
+/* What differs from a parabola through its surroundings of `window` ticks to each side, rms over
+ * the force (Savitzky and Golay's smoothing, of second order). */
+static double roughness(const double *f, int count, int window) {
+    const double m = window, scale = 3 / ((2 * m - 1) * (2 * m + 1) * (2 * m + 3));
+    double square = 0;
+    for (int k = window; k + window < count; k++) {
+        double smooth = 0;
+        for (int j = -window; j <= window; j++)
+            smooth += scale * (3 * m * m + 3 * m - 1 - 5.0 * j * j) * f[k + j];
+        square += (f[k] / smooth - 1) * (f[k] / smooth - 1) / (count - 2 * window);
+    }
+    return sqrt(square);
+}
+
+/* Slides at constant depth; returns the ripple over a window of one edge to each side, NAN where
+ * the path ends or the rest of the body is in the way; *lost counts ticks without force. */
 static double slide(bench *b, uint32_t node, double radius, double depth, uint32_t level,
-                    double *force, uint32_t *lost) {
+                    uint32_t *lost) {
     palp_tool tool = palp_tool_sphere((float)radius);
     palp_contact *c = open_contact(b->blob, &tool, level);
     palp_surface_point p = start_at(c, node);
     palp_vec3 along = {0.3f, 0.5f, 0.8f};
-    const int window = (int)(PATH_TICKS / PATH_EDGES);
-    double f[PATH_TICKS], square = 0;
-    *force = 0;
-    for (int i = -20; i < PATH_TICKS; i++) {
+    double f[PATH_TICKS];
+    uint32_t without = 0;
+    bool whole = true;
+    for (int i = -20; i < PATH_TICKS && whole; i++) {
         along = palp_madd(along, -palp_dot(along, p.n), p.n);
         along = palp_scale(1.0f / palp_norm(along), along);
         double advance = i < 0 ? 0 : PATH_EDGES * b->edge_m / PATH_TICKS;
         palp_vec3 y = palp_madd(p.y, (float)advance, along);
-        if (!surface_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p)) break;
-        hold(c, palp_madd(p.y, (float)(radius - depth), p.n), 1);
+        whole = surface_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
+        palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
+        whole = whole && is_clear(b, at, radius, depth);
+        hold(c, at, 1);
         if (i < 0) continue;
         f[i] = (double)palp_norm(c->force_N[0]);
-        *lost += !(f[i] > 0);
-        *force += f[i] / PATH_TICKS;
-        if (i + 1 < PATH_TICKS) continue;
-        for (int k = window; k + window < PATH_TICKS; k++) {
-            double mean = 0;
-            for (int j = -window; j <= window; j++) mean += f[k + j] / (2 * window + 1);
-            square += (f[k] / mean - 1) * (f[k] / mean - 1) / (PATH_TICKS - 2 * window);
-        }
+        without += !(f[i] > 0);
     }
     close_contact(c);
-    return sqrt(square);
+    if (!whole) return (double)NAN;
+    *lost += without;
+    return roughness(f, PATH_TICKS, (int)(PATH_TICKS / PATH_EDGES));
 }
 
 static int ascending(const void *a, const void *b) {
@@ -325,22 +351,29 @@ static int ascending(const void *a, const void *b) {
 static void ripple(bench *b) {
     static const double size[] = {0.75, 1.5, 3, 6}, depth[] = {0.03, 0.1, 0.3},
                         goal[] = {2, 0.7, 0.3};
-    const uint32_t paths = b->places < 8 ? b->places : 8;
+    double *r = allocate(b->places, sizeof *r);
     uint32_t lost = 0;
     for (size_t s = 0; s < 4; s++) {
         for (size_t d = 0; d < 3; d++) {
-            double r[8], force;
-            for (uint32_t i = 0; i < paths; i++)
-                r[i] =
-                    100 * slide(b, b->place[i], size[s] * b->edge_m, depth[d] * size[s] * b->edge_m,
-                                PALP_CONTACT_FINEST, &force, &lost);
+            uint32_t paths = 0;
+            for (uint32_t i = 0; i < b->places; i++) {
+                double radius = size[s] * b->edge_m;
+                double one =
+                    slide(b, b->place[i], radius, depth[d] * radius, PALP_CONTACT_FINEST, &lost);
+                if (isfinite(one)) r[paths++] = 100 * one;
+            }
+            if (paths == 0) continue;
             qsort(r, paths, sizeof *r, ascending);
-            char of[64];
-            snprintf(of, sizeof of, "tool %g edges, depth %g R, median path", size[s], depth[d]);
-            feel_add(&b->table, "ripple", of, r[paths / 2], "% rms", NAN, goal[d]);
+            char of[72];
+            snprintf(of, sizeof of, "tool %g edges, depth %g R, %u paths", size[s],
+                     depth[d], paths);
+            feel_add(&b->table, "ripple", of, r[paths / 2], "% rms", (double)NAN, goal[d]);
+            snprintf(of, sizeof of, "tool %g edges, depth %g R, worst path", size[s], depth[d]);
+            feel_add(&b->table, "ripple", of, r[paths - 1], "% rms", (double)NAN, (double)NAN);
         }
     }
-    feel_add(&b->table, "contact lost", "on all these paths", lost, "ticks", NAN, 0);
+    feel_add(&b->table, "contact lost", "on all these paths", lost, "ticks", (double)NAN, 0);
+    free(r);
 }
 
 static void levels(bench *b) {
@@ -356,6 +389,10 @@ static void levels(bench *b) {
                 palp_contact *c = open_contact(b->blob, &tool, PALP_CONTACT_LEVELS - 1u);
                 palp_surface_point p = start_at(c, b->place[i]);
                 palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
+                if (!is_clear(b, at, radius, depth)) {
+                    close_contact(c);
+                    continue;
+                }
                 hold(c, at, 8);
                 palp_vec3 fine = c->force_N[0];
                 c->now = l;
@@ -367,7 +404,7 @@ static void levels(bench *b) {
                 close_contact(c);
             }
         }
-        char of[64];
+        char of[72];
         snprintf(of, sizeof of, "level %u against %u, tools of 1 to 6 edges", l,
                  PALP_CONTACT_LEVELS - 1u);
         feel_add(&b->table, "level, mean", of, 100 * mean / count, "%", FORCE_THRESHOLD, goal[l]);
@@ -534,7 +571,7 @@ static void disturb(bench *b, const char *name, uint64_t leap_ns, uint32_t leap_
         progress_add(1);
     }
     progress_end();
-    char of[64];
+    char of[72];
     snprintf(of, sizeof of, "%s, %u moments", name, runs);
     feel_add(&b->table, "off after 100 ms", of, 100 * off, "%", FORCE_THRESHOLD, 2);
     feel_add(&b->table, "largest step", of, step / plain.step, "times", NAN, 1.5);
@@ -551,7 +588,7 @@ static void slow(bench *b, double radius, double depth, double stiffness) {
     felt plain = feel_script(h, &s);
     close_hand(h);
     for (size_t k = 0; k < 4; k++) {
-        char of[64];
+        char of[72];
         h = open_hand(b, radius, times[k] * NS_PER_OPERATION, stiffness);
         if (h == NULL) {
             snprintf(of, sizeof of, "%g times: refused at open", times[k]);
@@ -626,7 +663,7 @@ static void closed_paths(bench *b) {
             worst = fmax(worst, work / stored); /* what the hand is given */
             close_contact(c);
         }
-        char of[64];
+        char of[72];
         snprintf(of, sizeof of, "level %u, given to the hand over stored", l);
         feel_add(&b->table, "closed path", of, worst, "1", NAN, 1e-4);
     }

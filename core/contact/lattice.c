@@ -62,7 +62,7 @@ typedef struct {
     bool central;
     uint32_t first;                         /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet; /* left in this filling */
-    bool full;                              /* something was left out */
+    bool full;                              /* places were left out */
     float gap_m, area_m2;                   /* of measure_node */
     palp_surface_point deepest;
 } filling;
@@ -207,7 +207,6 @@ static bool find_foot(filling *f, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
     const palp_vec3 from = f->drawn_back_m;
     palp_vec3 d;
-    f->full = f->full || f->feet == 0u;
     if (f->feet == 0u) return false;
     f->feet--;
     for (uint32_t k = 0; k < FEET; k++) {
@@ -252,7 +251,6 @@ static cell_range cells_around(const palp_blob *b, palp_vec3 c, float reach) {
 static bool is_deepest(filling *f, uint32_t node, float gap_m) {
     const palp_lattice_room *r = f->r;
     const palp_blob *b = r->surface->blob;
-    f->full = f->full || f->rings == 0u;
     if (f->rings == 0u) return false;
     f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
