@@ -28,7 +28,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all size cortexm static demo demo-finger demo-dyna test check bench reproduce deps install deb clean help format
+.PHONY: all size cortexm static demo demo-finger demo-dyna test check bench feel reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -111,7 +111,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet) tests/freestanding.sh
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet feel) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
 
@@ -123,6 +123,13 @@ bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, sid
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
 	@$(BUILD)/elements
+
+feel: all ## the bench of felt quality on a ball and the sample rabbit: build/feel
+	@mkdir -p $(BUILD)/feel
+	$(BUILD)/palp bake blobs/ball.obj --loop 2 --as-is --young 3e4 --poisson 0.45 --fix-below z -0.7 -o $(BUILD)/feel/ball.palp
+	$(BUILD)/palp feel $(BUILD)/feel/ball.palp -o $(BUILD)/feel/ball
+	$(BUILD)/palp bake blobs/rabbit.model -o $(BUILD)/feel/rabbit.palp
+	$(BUILD)/palp feel $(BUILD)/feel/rabbit.palp -o $(BUILD)/feel/rabbit
 
 reproduce: all ## the paper's tables and figures from our own models: build/reproduce/index.html (about six minutes)
 	$(BUILD)/palp reproduce blobs/bean.model blobs/large.model --dynamic blobs/liver.model -o $(BUILD)/reproduce

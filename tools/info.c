@@ -99,6 +99,7 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
     printf(" \"mesh_sha256\": \"%s\",\n", sha);
     printf(" \"stiffness_n_per_m\": {\"min\": %.9g, \"max\": %.9g},\n",
            (double)m->stiffness_min_N_per_m, (double)m->stiffness_max_N_per_m);
+    printf(" \"modes\": %" PRIu32 ",\n", m->modes);
     printf(" \"scalar\": %s, \"detail_vertices\": %" PRIu32 ",\n",
            palp_blob_has(b, PALP_META_SCALAR) ? "true" : "false", m->detail_vertices);
     printf(" \"gravity\": %s, \"reactions\": %s,\n",
@@ -145,6 +146,7 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
     printf("node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
            (double)m->stiffness_max_N_per_m);
     printf("mesh SHA-256          %s\n", sha);
+    printf("contact               %" PRIu32 " modes of the regular part\n", m->modes);
     printf("bytes                 %zu (dense free-free block: %.0f)\n", b->bytes, dense_bytes);
 }
 

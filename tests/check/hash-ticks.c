@@ -62,8 +62,7 @@ static void move_zones(const char *path) {
                                   .port = {.now_ns = work_clock},
                                   .dt_s = 1e-3f};
     room = palp_bounded_memsize_zones(&zones, 4, config.limits);
-    if (palp_bounded_init(&bounded, &config, aligned(room), room, NULL) != PALP_OK)
-        exit(1);
+    if (palp_bounded_init(&bounded, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
     bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {
         float s = (float)i / 1500.0f, sine, cosine, value[PALP_MAX_JOINTS] = {0};
@@ -81,6 +80,50 @@ static void move_zones(const char *path) {
         mix(&bounded.moving.level, sizeof bounded.moving.level);
     }
     printf("%016llx zones, ", (unsigned long long)hash);
+}
+
+/* Contact on the surface: a ball with friction, then a cylinder, pressed and drawn over the body by
+ * the clock of the work done, which leaps now and then. */
+static palp_answer answer;
+static uint64_t leaps;
+static uint64_t answer_clock(void *context) {
+    (void)context;
+    return answer.contact.work_done + leaps;
+}
+
+static void move_surface(const palp_blob *blob, palp_vec3 top) {
+    const float edge = blob->meta->mean_edge_m;
+    palp_tool tool[2] = {palp_tool_sphere(2.0f * edge), {.balls = 0}};
+    tool[0].friction = 0.3f;
+    tool[1].cylinder = (palp_cylinder){
+        .axis = {1, 0, 0}, .radius_m = 1.5f * edge, .half_m = edge, .rim_m = 0.5f * edge};
+    for (uint32_t t = 0; t < 2; t++) {
+        const palp_answer_config config = {.blob = blob,
+                                           .tools = &tool[t],
+                                           .tool_count = 1,
+                                           .finest = PALP_CONTACT_FINEST,
+                                           .cost = {&palp_target_counted, 0.5f, 0.0f, 0.9f},
+                                           .port = {.now_ns = answer_clock},
+                                           .dt_s = 1e-3f};
+        size_t room = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST);
+        if (palp_answer_init(&answer, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
+        answer.coupling.tool[0].stiffness_N_per_m = 300.0f;
+        for (uint32_t i = 0; i < 500; i++) {
+            palp_coupling_result result;
+            palp_answer_report report;
+            float s = (float)i / 500.0f;
+            palp_vec3 at = {top.x + edge * s, top.y - 0.5f * edge * s,
+                            top.z + edge * (2.2f - 2.0f * s)};
+            uint64_t start = answer_clock(NULL);
+            if (i % 50u == 7u) leaps += 700000u;
+            palp_answer_tick(&answer, start, &at, &result, &report);
+            mix(&result.force_N, sizeof result.force_N);
+            mix(&result.tool_m, sizeof result.tool_m);
+            mix(&report.points, sizeof report.points);
+            mix(&report.active, sizeof report.active);
+        }
+    }
+    printf("%016llx surface, ", (unsigned long long)hash);
 }
 
 /* A dynamic body, poked: forces, displacements and velocities of every tick. */
@@ -104,8 +147,7 @@ static void move_body(const char *path) {
                                         .tick_s = 1e-3f};
     palp_vec3 at = {0.05f, 0.01f, 0.04f}, force;
     size_t size = palp_dynamic_memsize(&tets, 32);
-    if (palp_dynamic_init(&body, &config, &at, aligned(size), size, NULL) != PALP_OK)
-        exit(1);
+    if (palp_dynamic_init(&body, &config, &at, aligned(size), size, NULL) != PALP_OK) exit(1);
     for (int k = 0; k < 500; k++) {
         palp_dynamic_report report;
         at.z = 0.04f - 0.00008f * (float)(k < 250 ? k : 500 - k);
@@ -158,9 +200,9 @@ int main(int argc, char **argv) {
     }
     config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1],
                                             blob.rest_m[3 * top + 2] + 0.012f};
+    move_surface(&blob, palp_vec3_at(blob.rest_m + 3 * top));
     size_t size = palp_servo_memsize(&blob, config.limits);
-    if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK)
-        return 1;
+    if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK) return 1;
 
     FILE *log = fopen(argv[2], "r");
     palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
