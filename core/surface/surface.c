@@ -153,7 +153,7 @@ palp_vec3 palp_surface_corner(const palp_surface *surface, uint32_t node, uint32
     float sum[3];
     for (uint32_t axis = 0; axis < 3u; axis++) {
         const int16_t *restrict u = g->vector + (3u * (size_t)node + axis) * g->modes;
-        float product[PALP_MAX_MODES], lane[PALP_MODE_LANES] = {0};
+        float product[PALP_MAX_MODES] = {0}, lane[PALP_MODE_LANES] = {0};
         for (uint32_t a = 0; a < modes; a++) product[a] = load[a] * (float)u[a];
         for (uint32_t a = 0; a < modes; a += PALP_MODE_LANES) {
             for (uint32_t k = 0; k < PALP_MODE_LANES; k++) lane[k] += product[a + k];
