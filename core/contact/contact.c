@@ -246,8 +246,12 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .before = c->before,
                                     .count_before = c->count_before,
                                     .table = &c->table[t],
-                                    .work = &c->work_done};
+                                    .done = &c->done};
+    c->done = (palp_lattice_counts){.fillings = 0};
     uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);
+    c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
+                    60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
+                    45u * (uint64_t)c->done.crossings;
     bool again = (flags & PALP_LATTICE_MOVED) != 0u && ++c->fillings < PALP_LATTICE_FILLINGS;
     if (!again) {
         if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;

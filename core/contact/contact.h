@@ -115,6 +115,7 @@ typedef struct {
     uint32_t *active;                 /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
     uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */
+    palp_lattice_counts done;          /* by the last filling */
     uint64_t work_done;
 } palp_contact;
 

@@ -55,15 +55,26 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
     return c;
 }
 
+float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
+    return (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
+           (float)done.evaluations * cost->evaluation + (float)done.shots * PRICE(cost, SHOT) +
+           (float)done.crossings * PRICE(cost, CROSSING);
+}
+
+palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
+                                             palp_contact_level level) {
+    const uint32_t looks = PALP_LATTICE_LOOKS(level.points), nodes = (uint32_t)cost->nodes;
+    return (palp_lattice_counts){.fillings = 2u,
+                                 .around = 2u * (nodes + (uint32_t)cost->rows),
+                                 .evaluations = 2u * nodes + looks +
+                                                2u * PALP_LATTICE_RINGS * (uint32_t)cost->ring +
+                                                12u * PALP_LATTICE_FEET + 1u,
+                                 .shots = looks + 8u * PALP_LATTICE_FEET,
+                                 .crossings = 2u * PALP_LATTICE_CROSSINGS(level.points)};
+}
+
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {
-    const float looks = (float)PALP_LATTICE_LOOKS(level.points);
-    const float crossings = (float)PALP_LATTICE_CROSSINGS(level.points);
-    const float rings = (float)PALP_LATTICE_RINGS, feet = (float)PALP_LATTICE_FEET;
-    const float e = cost->evaluation;
-    return 2.0f * PRICE(cost, FILLING) +
-           2.0f * (cost->nodes + cost->rows) * (PRICE(cost, AROUND) + e) +
-           2.0f * rings * cost->ring * e + 2.0f * feet * (4.0f * PRICE(cost, SHOT) + 9.0f * e) +
-           looks * (PRICE(cost, SHOT) + e) + 2.0f * crossings * PRICE(cost, CROSSING);
+    return palp_contact_cost_filled(cost, palp_contact_most_filled(cost, level));
 }
 
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,

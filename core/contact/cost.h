@@ -24,9 +24,14 @@ typedef struct {
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price);
 
-/* palp_contact_fill: 2 FILLING + 2 N (AROUND + EVALUATION) + 2 rings max_ring EVALUATION + 2 feet
- * (4 SHOT + 9 EVALUATION) + looks (SHOT + EVALUATION) + 2 crossings CROSSING; the rows of cells as
- * nodes. */
+/* What a filling did: fillings FILLING + around AROUND + evaluations EVALUATION + shots SHOT +
+ * crossings CROSSING. */
+float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
+
+/* The most that palp_contact_fill does: 2 fillings; around: 2 N and the rows of cells; evaluations:
+ * 2 N + looks + 2 rings max_ring + 12 feet + 1; shots: looks + 8 feet; 2 crossings. */
+palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
+                                             palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
 
 /* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) + places SHOT */
@@ -40,8 +45,7 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
 
 /* palp_contact_iterate with a points in contact: PIVOT + a APPEND + a (a + 1) / 2 (GATHER +
  * SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + count CHOICE +
- * (count
- * - a) a DOT + QUANTUM */
+ * (count - a) a DOT + QUANTUM */
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
 /* palp_contact_finish: count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + places (FOLLOW + EVALUATION)

@@ -108,7 +108,8 @@ static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
         from = palp_madd(from, a, l->at.tangent[0]);
         from = palp_madd(from, b, l->at.tangent[1]);
     }
-    *f->r->work += 200u;
+    f->r->done->shots++;
+    f->r->done->evaluations++;
     if (!palp_surface_shoot(f->r->surface, from, p->direction, &f->crossings, &p->at)) return false;
     p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
     p->facing = -palp_dot(p->at.n, p->direction);
@@ -214,9 +215,11 @@ static bool find_foot(filling *f, palp_surface_point *p) {
         d = k == 0u ? gap.normal : palp_scale(-1.0f, p->n);
         palp_vec3 at = palp_lattice_is_central(r->tool) ? palp_add(from, r->tool->ball[0].center_m)
                                                         : palp_madd(p->y, -gap.gap_m, gap.normal);
-        *r->work += 200u;
+        r->done->shots++;
+        r->done->evaluations++;
         if (!palp_surface_shoot(r->surface, at, d, &f->crossings, p)) return false;
     }
+    r->done->evaluations++;
     return palp_dot(palp_tool_gap(r->tool, from, p->y).normal, p->n) < 0.0f;
 }
 
@@ -255,7 +258,7 @@ static bool is_deepest(filling *f, uint32_t node, float gap_m) {
     f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
-        *r->work += 60u;
+        r->done->evaluations++;
         if (palp_tool_gap(r->tool, f->drawn_back_m, x).gap_m < gap_m) return false;
     }
     return true;
@@ -272,6 +275,7 @@ static void measure_node(filling *f, uint32_t node, float gap_m) {
     palp_surface_point p = point_at_node(f->r->surface, node);
     float least = gap_m;
     if (find_foot(f, &p)) {
+        f->r->done->evaluations++;
         least = palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m;
     } else {
         p = point_at_node(f->r->surface, node);
@@ -291,6 +295,7 @@ static void seek_region(filling *f, uint32_t node, float gap_m) {
     }
     if (!is_deepest(f, node, gap_m)) return;
     if (!find_foot(f, &p) || is_known(f, p.y)) return;
+    f->r->done->evaluations++;
     if (palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
 }
@@ -324,13 +329,14 @@ static void visit_nodes(filling *f, purpose of) {
         for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
             uint32_t row = (z * m->cells[1] + y) * m->cells[0];
             uint32_t end = b->cell_offset[row + cells.high[0] + 1u];
+            r->done->around++;
             for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++) {
                 uint32_t node = b->cell_node[k];
                 palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
-                *r->work += 10u;
+                r->done->around++;
                 if (palp_dot(v, v) > reach * reach) continue;
                 palp_gap gap = palp_tool_gap(r->tool, c, palp_add(c, v));
-                *r->work += 60u;
+                r->done->evaluations++;
                 if (gap.gap_m > margin) continue;
                 if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
                     continue;
@@ -378,9 +384,12 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     l->at.back_m = 0.0f;
     start_filling(&a, l, r, *r->count);
     visit_nodes(&a, MEASURE);
+    r->done->fillings++;
+    r->done->crossings += PALP_LATTICE_CROSSINGS(r->most) - a.crossings;
     if (!(a.gap_m < 0.0f)) return false;
     float size = palp_tool_size(r->tool), depth = -a.gap_m;
     palp_vec3 c = palp_add(r->tool_m, center_of(r->tool));
+    r->done->evaluations++;
     palp_gap gap = palp_tool_gap(r->tool, r->tool_m, a.deepest.y);
     if (palp_lattice_is_central(r->tool)) {
         set_axis(l, palp_sub(a.deepest.y, c));
@@ -420,7 +429,6 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         toward = palp_madd(toward, w, f->central ? p->direction : off);
         if (!f->central) out = palp_madd(out, -w, p->at.n);
     }
-    *r->work += 30u * (uint64_t)(*r->count - f->first);
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
     l->area_m2 = 4.0f / 3.0f * weight * weight / square;
     float change2 = wanted_cell2(r, l->area_m2) * HEX_CELL * weight / cells;
@@ -462,6 +470,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     const uint32_t seeds = l->seeds;
     palp_lattice_clear(r->table);
     start_filling(f, l, r, first);
+    r->done->fillings++;
     for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
     l->seeds = 0;
     for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
@@ -471,6 +480,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
             (void)fill_region(f, &p->at);
     }
     visit_nodes(f, SEEK);
+    r->done->crossings += PALP_LATTICE_CROSSINGS(r->most) - f->crossings;
 }
 
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {

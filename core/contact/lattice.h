@@ -78,6 +78,12 @@ typedef struct {
     palp_surface_point seed[PALP_LATTICE_SEEDS];
 } palp_lattice;
 
+/* What fillings did: tables begun, nodes and rows of cells looked at, gaps of the tool evaluated,
+ * shots and the triangles that they crossed. */
+typedef struct {
+    uint32_t fillings, around, evaluations, shots, crossings;
+} palp_lattice_counts;
+
 /* What a lattice works on. */
 typedef struct {
     const palp_surface *surface;
@@ -91,7 +97,7 @@ typedef struct {
     const palp_contact_point *before; /* [count_before] of the last tick, of all tools */
     uint32_t count_before;
     palp_lattice_table *table; /* of this tool and tick */
-    uint64_t *work;            /* operations so far */
+    palp_lattice_counts *done; /* so far, in this tick */
 } palp_lattice_room;
 
 #define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */

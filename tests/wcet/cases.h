@@ -57,6 +57,8 @@ static inline void cases_tell_features(cases *c, const char *operation, uint32_t
 
 /* `episodes` of contact on a blob, from `seed`: tools, limits, levels and paths of all kinds. */
 void cases_of_contact(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
+/* Contact on the surface: tools, levels and places of all kinds. */
+void cases_of_surface(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
 /* Whole ticks of the bounded answer and of the servo. */
 void cases_of_ticks(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
 /* Columns, rows and transforms of a blob. */

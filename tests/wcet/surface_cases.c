@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: MIT */
+/* Contact on the surface: every step of a tick, by every tool, level and place. */
+#include "cases.h"
+
+/* What a step turned out to do. */
+typedef struct {
+    palp_contact_level level;
+    palp_lattice_counts done;
+    uint32_t places, count, active;
+} step;
+
+typedef float (*bound_of)(const palp_contact_cost *cost, const step *s);
+
+typedef struct {
+    const palp_contact_cost *unit;
+    bound_of bound;
+    const step *s;
+} question;
+
+static float answer(const void *context, uint32_t k) {
+    const question *q = context;
+    return q->bound(&q->unit[k], q->s);
+}
+
+static float of_fill(const palp_contact_cost *c, const step *s) {
+    return palp_contact_cost_filled(c, s->done);
+}
+static float of_points(const palp_contact_cost *c, const step *s) {
+    return palp_contact_cost_points(c, s->level, s->places, s->count);
+}
+static float of_assemble(const palp_contact_cost *c, const step *s) {
+    return palp_contact_cost_assemble(c, s->level, s->count);
+}
+static float of_iterate(const palp_contact_cost *c, const step *s) {
+    return palp_contact_cost_iterate(c, s->count, s->active);
+}
+static float of_finish(const palp_contact_cost *c, const step *s) {
+    return palp_contact_cost_finish(c, s->level, s->places, s->count, s->active);
+}
+
+static palp_vec3 anywhere(dice *d) {
+    return (palp_vec3){dice_float(d), dice_float(d), dice_float(d)};
+}
+
+static palp_tool some_tool(dice *d, float edge) {
+    float size = edge * (0.6f + 2.5f * (1.0f + dice_float(d)));
+    palp_tool tool = palp_tool_sphere(size);
+    palp_vec3 z = anywhere(d), x = palp_cross(z, anywhere(d));
+    float length = palp_norm(x);
+    switch (dice_below(d, 5)) {
+    case 0:
+        tool.balls = 2u + dice_below(d, 3);
+        for (uint32_t i = 0; i < tool.balls; i++)
+            tool.ball[i] = (palp_ball){palp_scale(0.7f * size, anywhere(d)), size};
+        return tool;
+    case 1:
+        if (length < 0.05f) return tool;
+        tool.balls = 0;
+        x = palp_scale(1.0f / length, x);
+        z = palp_scale(1.0f / palp_norm(z), z);
+        tool.pad = (palp_pad){
+            .axis = {x, palp_cross(z, x), z}, .half_m = {size, 0.6f * size}, .edge_m = 0.4f * size};
+        return tool;
+    case 2:
+        if (length < 0.05f) return tool;
+        tool.balls = 0;
+        tool.cylinder = (palp_cylinder){.axis = palp_scale(1.0f / length, x),
+                                        .radius_m = size,
+                                        .half_m = 1.5f * size,
+                                        .rim_m = 0.3f * size};
+        return tool;
+    default:
+        return tool;
+    }
+}
+
+typedef struct {
+    cases *c;
+    palp_contact_cost *unit;
+    palp_contact contact;
+} episode;
+
+static void tell(episode *e, const char *name, bound_of bound, const step *s, uint64_t counted) {
+    const question q = {e->unit, bound, s};
+    cases_tell(e->c, name, e->contact.now, answer, &q, counted);
+}
+
+static void one_tick(episode *e, palp_vec3 at, palp_contact_spring spring) {
+    palp_contact *c = &e->contact;
+    step s = {.count = 0};
+    palp_contact_begin(c, &at, &spring);
+    s.level = c->level;
+    for (bool more = true; more;) {
+        uint64_t before = instructions();
+        more = palp_contact_fill(c);
+        uint64_t after = instructions();
+        s.done = c->done;
+        tell(e, "fill", of_fill, &s, after - before);
+    }
+    uint64_t before = instructions();
+    s.count = palp_contact_points(c);
+    uint64_t after = instructions();
+    s.places = c->places;
+    tell(e, "points", of_points, &s, after - before);
+    before = instructions();
+    while (s.count > 0u && palp_contact_assemble(c)) {}
+    after = instructions();
+    if (s.count > 0u) tell(e, "assemble", of_assemble, &s, after - before);
+    for (bool more = s.count > 0u; more;) {
+        before = instructions();
+        more = palp_contact_iterate(c);
+        after = instructions();
+        s.active = c->active_count;
+        if (more || c->iterations < PALP_CONTACT_ITERATIONS)
+            tell(e, "iterate", of_iterate, &s, after - before);
+    }
+    s.active = c->active_count;
+    before = instructions();
+    palp_contact_finish(c);
+    after = instructions();
+    tell(e, "finish", of_finish, &s, after - before);
+}
+
+static void run(cases *c, const palp_blob *blob, dice *d) {
+    const size_t used = c->used;
+    const float edge = blob->meta->mean_edge_m;
+    episode *e = cases_take(c, sizeof *e);
+    palp_tool *tool = cases_take(c, sizeof *tool);
+    *tool = some_tool(d, edge);
+    e->c = c;
+    e->unit = cases_take(c, PALP_WORKS * sizeof *e->unit);
+    for (uint32_t k = 0; k < cases_prices(c); k++) {
+        palp_prices price = cases_price(c, k);
+        e->unit[k] = palp_contact_cost_of(blob, tool, 1, &price);
+    }
+    const uint32_t finest = PALP_CONTACT_LEVELS - 1u;
+    size_t bytes = palp_contact_memsize(blob, 1, finest);
+    void *memory = cases_take(c, bytes);
+    if (palp_contact_init(&e->contact, blob, tool, 1, finest, memory, bytes) == PALP_OK) {
+        const float extent = palp_tool_extent(tool);
+        uint32_t node = blob->domain[PALP_FREE].node[dice_below(d, blob->domain[PALP_FREE].slots)];
+        palp_contact_spring spring = {.stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *
+                                                           (0.2f + 1.0f + dice_float(d))};
+        for (uint32_t i = 0; i < 40u; i++) {
+            if (i % 10u == 0u) e->contact.now = dice_below(d, PALP_CONTACT_LEVELS);
+            if (dice_below(d, 12) == 0u)
+                node = blob->ring[blob->ring_offset[node] +
+                                  dice_below(d, blob->ring_offset[node + 1u] -
+                                                    blob->ring_offset[node])];
+            palp_vec3 at = palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
+                                     extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
+                                     palp_vec3_at(blob->normal + 3u * (size_t)node));
+            spring.held_m = palp_madd(at, 0.3f * edge, anywhere(d));
+            one_tick(e, at, spring);
+        }
+    }
+    c->used = used;
+}
+
+void cases_of_surface(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes) {
+    dice d = {seed};
+    for (uint32_t i = 0; i < episodes && blob->regular.modes > 0u; i++) run(c, blob, &d);
+}
