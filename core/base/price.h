@@ -101,7 +101,9 @@
     X(MODE_PAIR, "mode_pair", "one mode in it")                                                    \
     X(CORNER, "corner", "one corner of the points' triangles")                                     \
     X(DISPLACE, "displace", "one force at one point, or its gradient")                             \
-    X(FOLLOW, "follow", "derivatives of one place of a lattice")
+    X(FOLLOW, "follow", "derivatives of one place of a lattice")                                   \
+    X(ITERATION, "iteration", "a change of the active set")                                        \
+    X(PRESSED, "pressed", "one point in contact in it, or outside")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,
 typedef enum { PALP_WORK_LIST(PALP_WORK_NAME) PALP_WORKS } palp_work;

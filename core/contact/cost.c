@@ -89,16 +89,17 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
     const float n = (float)count;
     return 0.5f * n * (n + 1.0f) *
                (PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR)) +
-           n * PRICE(cost, GATHER);
+           n * (PRICE(cost, GATHER) + 0.5f * PRICE(cost, POINT) +
+                0.25f * (float)level.modes * PRICE(cost, MODE_AT));
 }
 
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active) {
     const float n = (float)count, a = (float)active;
-    return PRICE(cost, PIVOT) + PRICE(cost, QUANTUM) + a * PRICE(cost, APPEND) +
+    return PRICE(cost, ITERATION) + PRICE(cost, QUANTUM) + (n + a) * PRICE(cost, PRESSED) +
            0.5f * a * (a + 1.0f) *
                (PRICE(cost, GATHER) + PRICE(cost, SUBSTITUTE) + PRICE(cost, DOT)) +
            a * a * a / 6.0f * PRICE(cost, AXPY) + 2.0f * a * PRICE(cost, SUBSTITUTE) +
-           0.5f * a * a * (PRICE(cost, AXPY) + PRICE(cost, DOT)) + n * PRICE(cost, CHOICE) +
+           0.5f * a * a * (PRICE(cost, AXPY) + PRICE(cost, DOT)) +
            palp_max(n - a, 0.0f) * a * PRICE(cost, DOT);
 }
 
@@ -109,7 +110,7 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     float sum = n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
                 (float)places * (PRICE(cost, FOLLOW) + cost->evaluation) +
-                a * modes * PRICE(cost, MODE_PAIR);
+                a * modes * PRICE(cost, MODE_AT);
     if (!cost->friction) return sum;
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +
                          a * a * PRICE(cost, DISPLACE) + corners);

@@ -39,17 +39,17 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
                                uint32_t places, uint32_t count);
 
 /* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + count
- * GATHER */
+ * (GATHER + POINT / 2 + modes MODE_AT / 4) */
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count);
 
-/* palp_contact_iterate with a points in contact: PIVOT + a APPEND + a (a + 1) / 2 (GATHER +
- * SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + count CHOICE +
- * (count - a) a DOT + QUANTUM */
+/* palp_contact_iterate with a points in contact: ITERATION + (count + a) PRESSED + a (a + 1) / 2
+ * (GATHER + SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + (count -
+ * a) a DOT + QUANTUM */
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
 /* palp_contact_finish: count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + places (FOLLOW + EVALUATION)
- * + 3 count (CORNER + modes MODE_AT) + a modes MODE_PAIR; with friction + 2 (a (POINT + modes
+ * + 3 count (CORNER + modes MODE_AT) + a modes MODE_AT; with friction + 2 (a (POINT + modes
  * MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes MODE_AT)) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t places, uint32_t count, uint32_t active);

@@ -94,7 +94,9 @@ const palp_target palp_target_counted = {"counted",
                                            [PALP_WORK_MODE_PAIR] = 1,
                                            [PALP_WORK_CORNER] = 12,
                                            [PALP_WORK_DISPLACE] = 64,
-                                           [PALP_WORK_FOLLOW] = 1000}}};
+                                           [PALP_WORK_FOLLOW] = 1000,
+                                           [PALP_WORK_ITERATION] = 40,
+                                           [PALP_WORK_PRESSED] = 20}}};
 
 const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_PAD] = 64,
@@ -177,4 +179,6 @@ const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_MODE_PAIR] = 4,
                                          [PALP_WORK_CORNER] = 32,
                                          [PALP_WORK_DISPLACE] = 44,
-                                         [PALP_WORK_FOLLOW] = 400}};
+                                         [PALP_WORK_FOLLOW] = 400,
+                                         [PALP_WORK_ITERATION] = 64,
+                                         [PALP_WORK_PRESSED] = 32}};

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Made by tests/wcet/tables.sh from exact instruction counts: see
- * tests/wcet/README.md. Not to be changed by hand. */
+/* Made by tests/wcet/tables.sh from exact instruction counts: see tests/wcet/README.md. Not to be
+ * changed by hand. */
 #include "target.h"
 
 const palp_target palp_target_x86_64 = {"x86-64",
@@ -84,7 +84,20 @@ const palp_target palp_target_x86_64 = {"x86-64",
                                           [PALP_WORK_FAMILY] = 4,
                                           [PALP_WORK_LOOK] = 12,
                                           [PALP_WORK_SERVO] = 9194.042f,
-                                          [PALP_WORK_FRAME] = 762.4885f}}};
+                                          [PALP_WORK_FRAME] = 762.4885f,
+                                          [PALP_WORK_FILLING] = 11633.64f,
+                                          [PALP_WORK_AROUND] = 5,
+                                          [PALP_WORK_SHOT] = 635.9044f,
+                                          [PALP_WORK_CROSSING] = 199.7216f,
+                                          [PALP_WORK_POINT] = 2253.133f,
+                                          [PALP_WORK_MODE_AT] = 33.46993f,
+                                          [PALP_WORK_COMPLIANCE] = 20,
+                                          [PALP_WORK_MODE_PAIR] = 1.880755f,
+                                          [PALP_WORK_CORNER] = 6,
+                                          [PALP_WORK_DISPLACE] = 32,
+                                          [PALP_WORK_FOLLOW] = 3662.161f,
+                                          [PALP_WORK_ITERATION] = 20,
+                                          [PALP_WORK_PRESSED] = 276.4799f}}};
 
 const palp_target palp_target_x86_64_avx2 = {"x86-64-avx2",
                                              {{[PALP_WORK_BALL] = 132.1327f,
@@ -167,7 +180,20 @@ const palp_target palp_target_x86_64_avx2 = {"x86-64-avx2",
                                                [PALP_WORK_FAMILY] = 4,
                                                [PALP_WORK_LOOK] = 12,
                                                [PALP_WORK_SERVO] = 8444.342f,
-                                               [PALP_WORK_FRAME] = 751.9885f}}};
+                                               [PALP_WORK_FRAME] = 751.9885f,
+                                               [PALP_WORK_FILLING] = 10609.13f,
+                                               [PALP_WORK_AROUND] = 5,
+                                               [PALP_WORK_SHOT] = 624.1091f,
+                                               [PALP_WORK_CROSSING] = 175.9734f,
+                                               [PALP_WORK_POINT] = 2028.768f,
+                                               [PALP_WORK_MODE_AT] = 30.14f,
+                                               [PALP_WORK_COMPLIANCE] = 20,
+                                               [PALP_WORK_MODE_PAIR] = 1.388745f,
+                                               [PALP_WORK_CORNER] = 6,
+                                               [PALP_WORK_DISPLACE] = 32,
+                                               [PALP_WORK_FOLLOW] = 2962.019f,
+                                               [PALP_WORK_ITERATION] = 20,
+                                               [PALP_WORK_PRESSED] = 479.1058f}}};
 
 const palp_target palp_target_cortex_a53 = {"cortex-a53",
                                             {{[PALP_WORK_BALL] = 147.0027f,
@@ -250,7 +276,20 @@ const palp_target palp_target_cortex_a53 = {"cortex-a53",
                                               [PALP_WORK_FAMILY] = 4,
                                               [PALP_WORK_LOOK] = 12,
                                               [PALP_WORK_SERVO] = 8173.927f,
-                                              [PALP_WORK_FRAME] = 653.3154f}}};
+                                              [PALP_WORK_FRAME] = 653.3154f,
+                                              [PALP_WORK_FILLING] = 9803.477f,
+                                              [PALP_WORK_AROUND] = 5,
+                                              [PALP_WORK_SHOT] = 577.4723f,
+                                              [PALP_WORK_CROSSING] = 119.4405f,
+                                              [PALP_WORK_POINT] = 1902.667f,
+                                              [PALP_WORK_MODE_AT] = 26.5538f,
+                                              [PALP_WORK_COMPLIANCE] = 20,
+                                              [PALP_WORK_MODE_PAIR] = 1.722462f,
+                                              [PALP_WORK_CORNER] = 174.915f,
+                                              [PALP_WORK_DISPLACE] = 32,
+                                              [PALP_WORK_FOLLOW] = 3201.835f,
+                                              [PALP_WORK_ITERATION] = 20,
+                                              [PALP_WORK_PRESSED] = 400.6943f}}};
 
 const palp_target palp_target_cortex_m7 = {"cortex-m7",
                                            {{[PALP_WORK_BALL] = 96.13687f,
@@ -333,4 +372,17 @@ const palp_target palp_target_cortex_m7 = {"cortex-m7",
                                              [PALP_WORK_FAMILY] = 4,
                                              [PALP_WORK_LOOK] = 17.03704f,
                                              [PALP_WORK_SERVO] = 11065.6f,
-                                             [PALP_WORK_FRAME] = 731.6556f}}};
+                                             [PALP_WORK_FRAME] = 731.6556f,
+                                             [PALP_WORK_FILLING] = 11715.76f,
+                                             [PALP_WORK_AROUND] = 5,
+                                             [PALP_WORK_SHOT] = 545.524f,
+                                             [PALP_WORK_CROSSING] = 231.3376f,
+                                             [PALP_WORK_POINT] = 280.7141f,
+                                             [PALP_WORK_MODE_AT] = 67.20306f,
+                                             [PALP_WORK_COMPLIANCE] = 96.89289f,
+                                             [PALP_WORK_MODE_PAIR] = 4.312945f,
+                                             [PALP_WORK_CORNER] = 46.99006f,
+                                             [PALP_WORK_DISPLACE] = 32,
+                                             [PALP_WORK_FOLLOW] = 4481.836f,
+                                             [PALP_WORK_ITERATION] = 20,
+                                             [PALP_WORK_PRESSED] = 70.20132f}}};

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Prices from counted cases: the cheapest that no case exceeds.
 
-usage: fit.py CASES... [--head-room 1.03] [--table NAME IDENTIFIER]
+usage: fit.py CASES... [--head-room 1.03] [--table NAME IDENTIFIER] [--keep TARGETS_C]
 
 Reads the output of `cases` and finds prices w >= 0, one for each kind of work, with
 
@@ -26,6 +26,7 @@ p.add_argument("cases", nargs="+")
 p.add_argument("--head-room", type=float, default=1.03)
 p.add_argument("--table", nargs=2, metavar=("NAME", "IDENTIFIER"))
 p.add_argument("--levels", action="store_true")
+p.add_argument("--keep", metavar="TARGETS_C", help="prices that stand in this file for the table's identifier stay")
 p.add_argument("--price", default="core/base/price.h")
 p.add_argument("--counted", default="core/servo/counted.c")
 a = p.parse_args()
@@ -36,6 +37,11 @@ names = re.findall(r"X\((\w+), \"(\w+)\"", open(a.price).read())
 least = np.zeros(len(names))
 for kind, ops in re.findall(r"\[PALP_WORK_(\w+)\] = (\d+)", open(a.counted).read().split("palp_bytes")[0]):
     least[[n[0] for n in names].index(kind)] = 0.5 * float(ops)
+
+kept = {}
+if a.keep:
+    block = open(a.keep).read().split("palp_target_%s = {" % a.table[1])[1].split("};")[0]
+    kept = {k: float(x) for k, x in re.findall(r"\[PALP_WORK_(\w+)\]\s*=\s*([\d.]+)", block)}
 
 worst = {}  # (operation, level, features) -> most instructions
 for path in a.cases:
@@ -74,12 +80,14 @@ room = np.array([a.head_room * MORE.get(o.split("@")[0], 1) for o in ops])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
 r = linprog(np.concatenate([f[:, used].T @ (say[cls] / np.bincount(cls)[cls] / counted), say]), A_ub=vstack([floor, largest]),
-            b_ub=np.concatenate([-room * counted, np.zeros(n)]), bounds=[(x, None) for x in least[used]] + [(0, None)] * c, method="highs")
+            b_ub=np.concatenate([-room * counted, np.zeros(n)]), bounds=[(kept[n[0]],) * 2 if n[0] in kept else (x, None) for n, x in zip(np.array(names)[used], least[used])] + [(0, None)] * c, method="highs")
 if r.status != 0:
     raise SystemExit("no fit: " + r.message)
 r.x = r.x[:u]
 w = 2 * least
 w[used] = r.x
+for i, n in enumerate(names):
+    w[i] = kept.get(n[0], w[i])
 bound = f @ w
 if a.table:
     print("const palp_target palp_target_%s = {" % a.table[1])

@@ -89,7 +89,7 @@ static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes) {
     palp_status status = palp_blob_open(&blob, c->memory, bytes);
     if (status == PALP_OK) {
         cases_of_green(c, &blob, seed, 20u * episodes);
-        cases_of_surface(c, &blob, seed, episodes);
+        cases_of_surface(c, &blob, seed, episodes / 6u + 1u);
         cases_of_contact(c, &blob, seed, episodes);
         cases_of_ticks(c, &blob, seed, episodes);
     } else if (palp_tets_open(&tets, c->memory, bytes) == PALP_OK) {

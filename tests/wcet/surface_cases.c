@@ -101,6 +101,7 @@ static void one_tick(episode *e, palp_vec3 at, palp_contact_spring spring) {
     s.count = palp_contact_points(c);
     uint64_t after = instructions();
     s.places = c->places;
+    if (s.places == 0u) return; /* what is left belongs to the tick */
     tell(e, "points", of_points, &s, after - before);
     before = instructions();
     while (s.count > 0u && palp_contact_assemble(c)) {}
