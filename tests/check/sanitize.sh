@@ -2,7 +2,7 @@
 # The unit tests of everything that meets untrusted bytes, under address and undefined behaviour sanitizers.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-for test in base blob wavelet contact zones grasp tets device servo faults; do
+for test in base blob wavelet contact surface zones grasp tets device servo faults; do
     cc=gcc
     $cc -std=c11 -D_GNU_SOURCE -O1 -g -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=undefined \
         -Wno-psabi -DTRIALS=1 -I. -pthread tests/unit/$test.c tests/models.c core/*/*.c \
