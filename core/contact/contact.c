@@ -31,6 +31,7 @@ static void lay_out(palp_contact *c, palp_arena *arena, uint32_t modes) {
     const uint32_t room = c->room, padded = (room + LANES - 1u) / LANES * LANES;
     c->point = palp_take(arena, room, sizeof *c->point);
     c->before = palp_take(arena, room, sizeof *c->before);
+    c->lattice = palp_take(arena, c->tool_count, sizeof *c->lattice);
     c->table = palp_take(arena, c->tool_count, sizeof *c->table);
     c->table_before = palp_take(arena, c->tool_count, sizeof *c->table_before);
     c->node = palp_take(arena, 3u * room, sizeof *c->node);

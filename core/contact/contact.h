@@ -82,12 +82,12 @@ typedef struct {
 
 typedef struct {
     palp_surface surface;
-    const palp_tool *tools;            /* by reference */
-    uint32_t tool_count, finest, room; /* room: points, of the level that has most */
-    uint32_t now;                      /* the level in use; set between ticks, at most finest */
-    palp_contact_level level;          /* of this tick */
-    palp_lattice lattice[PALP_CONTACT_TOOLS];
-    palp_contact_point *point, *before;       /* [room]: of this tick; of the last */
+    const palp_tool *tools;             /* by reference */
+    uint32_t tool_count, finest, room;  /* room: points, of the level that has most */
+    uint32_t now;                       /* the level in use; set between ticks, at most finest */
+    palp_contact_level level;           /* of this tick */
+    palp_lattice *lattice;              /* [tool_count] */
+    palp_contact_point *point, *before; /* [room]: of this tick; of the last */
     palp_lattice_table *table, *table_before; /* [tool_count] */
     uint32_t count, places; /* contact points; with those that only seek the overlap behind them */
     uint32_t count_before;
