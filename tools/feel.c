@@ -365,8 +365,8 @@ static void ripple(bench *b) {
             if (paths == 0) continue;
             qsort(r, paths, sizeof *r, ascending);
             char of[72];
-            snprintf(of, sizeof of, "tool %g edges, depth %g R, %u paths", size[s],
-                     depth[d], paths);
+            snprintf(of, sizeof of, "tool %g edges, depth %g R, %u paths", size[s], depth[d],
+                     paths);
             feel_add(&b->table, "ripple", of, r[paths / 2], "% rms", (double)NAN, goal[d]);
             snprintf(of, sizeof of, "tool %g edges, depth %g R, worst path", size[s], depth[d]);
             feel_add(&b->table, "ripple", of, r[paths - 1], "% rms", (double)NAN, (double)NAN);
@@ -511,10 +511,21 @@ typedef struct {
 
 /* Largest change of the force from tick to tick. */
 static double largest_step(const palp_vec3 *f, int from, int to) {
-    double most = 0;
-    for (int i = from > 0 ? from : 1; i < to; i++)
-        most = fmax(most, (double)palp_norm(palp_sub(f[i], f[i - 1])));
-    return most;
+    float most = 0;
+    for (int i = from > 0 ? from : 1; i < to; i++) {
+        palp_vec3 d = palp_sub(f[i], f[i - 1]);
+        if (palp_dot(d, d) > most) most = palp_dot(d, d);
+    }
+    return sqrt((double)most);
+}
+
+static double largest_difference(const palp_vec3 *a, const palp_vec3 *b) {
+    float most = 0;
+    for (int i = 0; i < SCRIPT_TICKS; i++) {
+        palp_vec3 d = palp_sub(a[i], b[i]);
+        if (palp_dot(d, d) > most) most = palp_dot(d, d);
+    }
+    return sqrt((double)most);
 }
 
 static felt feel_script(hand *h, const script *s) {
@@ -597,10 +608,7 @@ static void slow(bench *b, double radius, double depth, double stiffness) {
         }
         uint32_t level = h->answer.limit;
         felt f = feel_script(h, &s);
-        double off = 0;
-        for (int i = 0; i < SCRIPT_TICKS; i++)
-            off =
-                fmax(off, (double)palp_norm(palp_sub(f.force[i], plain.force[i])) / plain.largest);
+        double off = largest_difference(f.force, plain.force) / plain.largest;
         snprintf(of, sizeof of, "%g times, level %u, %u ticks foreseen", times[k], level, f.held);
         feel_add(&b->table, "slow controller", of, 100 * off, "%", FORCE_THRESHOLD, goal[k]);
         close_hand(h);
