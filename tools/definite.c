@@ -33,22 +33,6 @@ static bool factors(const double *g, size_t n, size_t stride, const double *root
     return bad == n;
 }
 
-/* Makes columns [first, first + BLOCK) of q orthonormal to all before them, twice for safety. */
-static void orthonormalise(double *q, size_t n, size_t first) {
-    for (size_t c = first; c < first + BLOCK; c++) {
-        for (int pass = 0; pass < 2; pass++) {
-            for (size_t p = 0; p < c; p++) {
-                double dot = 0;
-                for (size_t i = 0; i < n; i++) dot += q[i * BASIS + p] * q[i * BASIS + c];
-                for (size_t i = 0; i < n; i++) q[i * BASIS + c] -= dot * q[i * BASIS + p];
-            }
-        }
-        double norm = 0;
-        for (size_t i = 0; i < n; i++) norm += q[i * BASIS + c] * q[i * BASIS + c];
-        for (size_t i = 0; i < n; i++) q[i * BASIS + c] /= sqrt(norm);
-    }
-}
-
 /* Krylov basis of (S + shift I)^-1 from a fixed starting block: the lowest eigenvectors of S show
  * first. */
 static double *krylov_basis(const double *factor, size_t n) {
@@ -70,7 +54,7 @@ static double *krylov_basis(const double *factor, size_t n) {
                 memcpy(block + i * BASIS, block + i * BASIS - BLOCK, BLOCK * sizeof *q);
             dense_lu_solve(factor, n, n, in_place, block, BASIS, BLOCK);
         }
-        orthonormalise(q, n, b * BLOCK);
+        orthonormalise(q, n, BASIS, b * BLOCK, (b + 1) * BLOCK);
         progress_add(1);
     }
     progress_end();

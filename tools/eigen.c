@@ -34,3 +34,19 @@ void symmetric_eigen(double *a, double *v, size_t n) {
         }
     }
 }
+
+void orthonormalise(double *q, size_t n, size_t stride, size_t first, size_t last) {
+    for (size_t c = first; c < last; c++) {
+        for (int pass = 0; pass < 2; pass++) {
+            for (size_t p = 0; p < c; p++) {
+                double dot = 0;
+                for (size_t i = 0; i < n; i++) dot += q[i * stride + p] * q[i * stride + c];
+                for (size_t i = 0; i < n; i++) q[i * stride + c] -= dot * q[i * stride + p];
+            }
+        }
+        double norm = 0;
+        for (size_t i = 0; i < n; i++) norm += q[i * stride + c] * q[i * stride + c];
+        norm = norm > 0 ? sqrt(norm) : 1;
+        for (size_t i = 0; i < n; i++) q[i * stride + c] /= norm;
+    }
+}

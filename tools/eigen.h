@@ -11,4 +11,8 @@
  */
 void symmetric_eigen(double *a, double *v, size_t n);
 
+/* Makes columns [first, last) of q (n rows, row-major) orthonormal to all before them and to each
+ * other, by Gram and Schmidt, twice for safety; a column of zeros stays. 4 n (last^2 - first^2). */
+void orthonormalise(double *q, size_t n, size_t stride, size_t first, size_t last);
+
 #endif

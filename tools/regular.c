@@ -13,8 +13,9 @@
 #define POINTS 5u      /* Gauss points along each side of the Duffy square */
 #define SPARE_MODES 16u
 #define ITERATIONS 6u
-#define HEX_CELL 0.8660254037844386 /* area of a node of a regular lattice, over its edge squared  \
-                                     */
+#define HEX_CELL                                                                                   \
+    0.8660254037844386 /* area of a node of a regular lattice, over its edge squared               \
+                        */
 
 static const double gauss_at[POINTS] = {0.0469100770306680, 0.2307653449471585, 0.5,
                                         0.7692346550528415, 0.9530899229693320};
@@ -175,22 +176,6 @@ static void subtract_rows(void *context, size_t slot) {
     progress_add(1);
 }
 
-static void orthonormalise(double *q, size_t n, size_t count) {
-    for (size_t c = 0; c < count; c++) {
-        for (int pass = 0; pass < 2; pass++) {
-            for (size_t p = 0; p < c; p++) {
-                double dot = 0;
-                for (size_t i = 0; i < n; i++) dot += q[i * count + p] * q[i * count + c];
-                for (size_t i = 0; i < n; i++) q[i * count + c] -= dot * q[i * count + p];
-            }
-        }
-        double norm = 0;
-        for (size_t i = 0; i < n; i++) norm += q[i * count + c] * q[i * count + c];
-        norm = sqrt(norm);
-        for (size_t i = 0; i < n; i++) q[i * count + c] /= norm > 0 ? norm : 1;
-    }
-}
-
 /* The `count` eigenpairs of largest magnitude of the symmetric h (n x n), by subspace iteration:
  * `value` in falling magnitude, vectors in the columns of the result ([n][count], to be freed). */
 static double *largest_modes(const double *h, size_t n, size_t count, double *value) {
@@ -201,13 +186,13 @@ static double *largest_modes(const double *h, size_t n, size_t count, double *va
         seed = seed * 6364136223846793005ull + 1442695040888963407ull;
         q[i] = (double)(seed >> 11) / 4503599627370496.0 - 1.0;
     }
-    orthonormalise(q, n, count);
+    orthonormalise(q, n, count, 0, count);
     for (uint32_t it = 0; it < ITERATIONS; it++) {
         memset(y, 0, n * count * sizeof *y);
         dense_subtract_product(y, count, h, n, q, count, n, count, n);
         if (it + 1 < ITERATIONS) {
             memcpy(q, y, n * count * sizeof *q);
-            orthonormalise(q, n, count);
+            orthonormalise(q, n, count, 0, count);
         }
         progress_add((double)n);
     }

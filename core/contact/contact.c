@@ -76,7 +76,6 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
     *c = (palp_contact){.surface = surface,
                         .tools = tools,
                         .tool_count = tool_count,
-                        .finest = finest,
                         .room = room_of(finest),
                         .now = finest};
     c->level = palp_contact_level_of(finest, blob->regular.modes);
@@ -214,7 +213,6 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->tool_m[t] = tool_m[t];
         c->spring[t] = spring[t];
-        palp_lattice_clear(&c->table[t]);
     }
 }
 

@@ -14,7 +14,7 @@
  *     g lambda >= d,   lambda >= 0,   lambda (g lambda - d) = 0
  *     g_ij = m_i C_ij m_j + m_i m_j / k,   d_i = m_i . u_i - phi_i + m_i . (held - c)
  *
- * where each tool hangs on a spring k at `held`: it comes to rest at c = held + F / k, with F the
+ * where each tool is held by a spring k at `held`: it comes to rest at c = held + F / k, with F the
  * force on it. An active set solves it on Cholesky factors, beginning with last tick's set.
  *
  * The elastic energy E = f C f / 2 is a function of the tools' places, and F its exact gradient:
@@ -82,12 +82,12 @@ typedef struct {
 
 typedef struct {
     palp_surface surface;
-    const palp_tool *tools;             /* by reference */
-    uint32_t tool_count, finest, room;  /* room: points, of the level that has most */
-    uint32_t now;                       /* the level in use; set between ticks, at most finest */
-    palp_contact_level level;           /* of this tick */
-    palp_lattice *lattice;              /* [tool_count] */
-    palp_contact_point *point, *before; /* [room]: of this tick; of the last */
+    const palp_tool *tools;    /* by reference */
+    uint32_t tool_count, room; /* room: points, of the level that has most */
+    uint32_t now;              /* the level in use; set between ticks, at most that of init */
+    palp_contact_level level;  /* of this tick */
+    palp_lattice *lattice;     /* [tool_count] */
+    palp_contact_point *point, *before;       /* [room]: of this tick; of the last */
     palp_lattice_table *table, *table_before; /* [tool_count] */
     uint32_t count, places; /* contact points; with those that only seek the overlap behind them */
     uint32_t count_before;
@@ -138,7 +138,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, cons
 /* Forgets all contacts. */
 void palp_contact_clear(palp_contact *contact);
 
-/* A tick with the tools at tool_m[tool_count], which hang on spring[tool_count]. */
+/* A tick with the tools at tool_m[tool_count], held by spring[tool_count]. */
 void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring);
 /* One filling of one lattice (palp_lattice_fill); false when there is none left to do. */

@@ -76,7 +76,6 @@ static void add_self(const palp_contact *c, const palp_contact_point *p, pull *s
 
 /* ---- how a point moves ---- */
 
-#define HEX_CELL 0.8660254f
 #define PARAMETERS 6u /* of a lattice: axis 2, origin 2, log of the spacing, drawing back */
 #define MOVES (3u + PARAMETERS)
 
@@ -156,7 +155,7 @@ static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_
     const palp_lattice_state *s = &l->used;
     const bool central = palp_lattice_is_central(&c->tools[p->tool]);
     const float a = s->spacing * ((float)p->i + 0.5f * (float)p->j);
-    const float b = s->spacing * HEX_CELL * (float)p->j;
+    const float b = s->spacing * PALP_LATTICE_CELL * (float)p->j;
     const palp_vec3 side = palp_madd(palp_scale(a, s->tangent[0]), b, s->tangent[1]);
     for (uint32_t k = 0; k < MOVES; k++) {
         shot[k] = (shot_move){.log_cell = 0.0f};
@@ -200,7 +199,8 @@ typedef struct {
 
 static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3 off,
                           const point_move *d, const shot_move *shot, bool central, uint32_t k) {
-    float area = HEX_CELL * p->cell_m * p->cell_m, darea = 2.0f * HEX_CELL * p->cell_m * d->cell;
+    float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m,
+          darea = 2.0f * PALP_LATTICE_CELL * p->cell_m * d->cell;
     float w = area * p->overlap_m, dw = darea * p->overlap_m + area * d->overlap;
     f->d0[k] += dw;
     f->d1[k] += dw * p->overlap_m + w * d->overlap;
@@ -303,7 +303,7 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     if (i < c->count && p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
     palp_vec3 off =
         central ? p->direction : palp_sub(p->at.q, palp_add(c->tool_m[p->tool], l->used.origin_m));
-    float area = HEX_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
+    float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
     bool deepest = p->overlap_m > f->deepest;
     f->s0 += w;
     f->s1 += w * p->overlap_m;

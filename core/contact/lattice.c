@@ -11,8 +11,6 @@
 #define FACING 0.15f /* cosine between shot and surface below which no point is taken */
 #define FADE 0.15f   /* above FACING, in which cells grow to their full size */
 #define FEET 4u      /* steps towards the nearest point of the surface */
-#define HEX_CELL 0.8660254f
-#define ROW 0.8660254f    /* height of a row of the lattice over its spacing */
 #define PLACE_MOST 16000  /* largest place in a lattice */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
 
@@ -136,7 +134,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     r->table->point[slot] = PALP_LATTICE_MISS;
     palp_contact_point *p = &r->point[*r->count];
     float a = f->l->at.spacing * ((float)i + 0.5f * (float)j),
-          b = f->l->at.spacing * ROW * (float)j;
+          b = f->l->at.spacing * PALP_LATTICE_CELL * (float)j;
     p->at.triangle = triangle;
     if (f->central && a * a + b * b >= 3.9f) return;
     if (!shoot(f, a, b, p) || p->overlap_m <= 0.0f) return;
@@ -157,7 +155,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
 static bool nearest_place(const filling *f, palp_vec3 y, int32_t place[2]) {
     float a, b;
     if (!map(f, y, &a, &b)) return false;
-    float row = b / (f->l->at.spacing * ROW);
+    float row = b / (f->l->at.spacing * PALP_LATTICE_CELL);
     if (!(palp_abs(row) < (float)PLACE_MOST)) return false; /* or not a number */
     place[1] = (int32_t)(row + (row >= 0.0f ? 0.5f : -0.5f));
     float column = a / f->l->at.spacing - 0.5f * (float)place[1];
@@ -375,7 +373,7 @@ static void set_origin(palp_lattice *l, const palp_tool *tool) {
 /* Spacing of `cells` cells in half of an overlap of A. */
 static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
     float size = palp_tool_size(r->tool), floor = FLOOR * size;
-    return (0.5f * area_m2 + PALP_PI_F * floor * floor) / (HEX_CELL * r->cells);
+    return (0.5f * area_m2 + PALP_PI_F * floor * floor) / (PALP_LATTICE_CELL * r->cells);
 }
 
 static bool begin(palp_lattice *l, const palp_lattice_room *r) {
@@ -400,8 +398,8 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
-    l->area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
-    float cell = palp_sqrt(wanted_cell2(r, l->area_m2));
+    float area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
+    float cell = palp_sqrt(wanted_cell2(r, area_m2));
     l->at.spacing = cell;
     if (palp_lattice_is_central(r->tool)) {
         float distance = palp_norm(palp_sub(a.deepest.y, palp_add(r->tool_m, l->at.origin_m)));
@@ -420,7 +418,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     palp_vec3 toward = {0}, out = {0};
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
-        float area = HEX_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
+        float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
         palp_vec3 off = palp_sub(p->at.q, palp_add(r->tool_m, l->at.origin_m));
         weight += w;
         square += w * p->overlap_m;
@@ -430,8 +428,8 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         if (!f->central) out = palp_madd(out, -w, p->at.n);
     }
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
-    l->area_m2 = 4.0f / 3.0f * weight * weight / square;
-    float change2 = wanted_cell2(r, l->area_m2) * HEX_CELL * weight / cells;
+    float area_m2 = 4.0f / 3.0f * weight * weight / square;
+    float change2 = wanted_cell2(r, area_m2) * PALP_LATTICE_CELL * weight / cells;
     if (f->full) change2 = palp_max(change2, 1.3f);
     float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f)), moved;
     if (f->central) {
@@ -468,7 +466,6 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
 static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
     palp_surface_point seed[PALP_LATTICE_SEEDS];
     const uint32_t seeds = l->seeds;
-    palp_lattice_clear(r->table);
     start_filling(f, l, r, first);
     r->done->fillings++;
     for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
@@ -488,6 +485,7 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     filling f;
     bool begun = !l->placed;
     *room->count = first;
+    palp_lattice_clear(room->table);
     if (begun && !begin(l, room)) return 0u;
     fill(&f, l, room, first);
     l->placed = *room->count > first;

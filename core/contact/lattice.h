@@ -26,6 +26,9 @@
 #include "core/surface/surface.h"
 
 #define PALP_LATTICE_SLOTS 1024u /* of the table of lattice places; a power of two */
+#define PALP_LATTICE_CELL                                                                          \
+    0.8660254f                   /* area of a cell over its spacing squared; height of a row       \
+                                  */
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
 #define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
 /* What one filling does at most, with room for so many points. */
@@ -71,7 +74,6 @@ typedef struct {
 typedef struct {
     palp_lattice_state at;   /* where the next filling will be */
     palp_lattice_state used; /* of the points of this tick */
-    float area_m2;           /* A */
     bool placed;
     uint32_t upright; /* fillings for which it is not drawn back, after that lost the surface */
     uint32_t seeds;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Virtual coupling: each tool hangs on its device by a spring, and the contact finds where it comes
+ * Virtual coupling: a spring holds each tool to its device, and the contact finds where it comes
  * to rest on the surface (a proxy, with the device's limit of stiffness).
  *
  *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left
