@@ -50,9 +50,9 @@
 #include "core/green/detail.h"
 #include "core/green/field.h"
 #include "core/servo/answer.h"
+#include "core/servo/bounded.h"
 #include "core/servo/dynamic.h"
 #include "core/servo/servo.h"
-#include "core/touch/point.h"
 #include "core/zone/assembly.h"
 
 #endif

@@ -42,7 +42,7 @@ palp_servo_config orbit_config(const palp_blob *blob, float rate_hz, float ball_
                                .placement = {.origin_m = {top.x, top.y, top.z + ball_m},
                                              .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                                              .scale = 1},
-                               .limits = PALP_NODE_CONTACT_DEFAULTS,
+                               .finest = PALP_CONTACT_FINEST,
                                .tool = palp_tool_sphere(ball_m)};
 }
 

@@ -97,8 +97,7 @@ touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_
     float workspace = 2 * device->workspace_radius_m;
     float size = palp_norm(diagonal);
     float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
-    float edge = ldexpf(m->mean_edge_m, (int)m->levels - 1 - (int)m->constraint_level);
-    float radius = fmaxf(device->tool_radius_m * scale, 1.5f * edge);
+    float radius = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
     if (node == UINT32_MAX) node = choose_node(blob, 2 * radius);
     touch_frame t = {.tool_radius_m = radius, .node = node};
     palp_vec3 n = normal(blob, node);

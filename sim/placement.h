@@ -7,7 +7,7 @@
 
 typedef struct {
     palp_placement placement;
-    float tool_radius_m; /* in the model: the device's, but never finer than the mesh can resolve */
+    float tool_radius_m; /* in the model: the device's, but at least half an edge of the mesh */
     uint32_t node;       /* the node that lies under the workspace centre */
 } touch_frame;
 

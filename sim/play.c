@@ -148,7 +148,8 @@ static void open_player(player *p) {
         .tools = p->tool,
         .tool_count = p->tools,
         .limits = {.max_candidates = 40, .max_active = 24, .max_new = 4, .max_pivots = 12},
-        .cost = {.target = &palp_target_counted, .ns_per_instruction = (float)s->ns_per_operation,
+        .cost = {.target = &palp_target_counted,
+                 .ns_per_instruction = (float)s->ns_per_operation,
                  .margin = (float)(budget / period_us)},
         .port = {.now_ns = now_ns, .context = p},
         .dt_s = (float)(1 / p->s.rate_hz)};

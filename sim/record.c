@@ -27,7 +27,7 @@ uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t coun
                        const palp_report *r) {
     uint64_t h = digest != 0 ? digest : 14695981039346656037ull;
     const uint32_t words[] = {(uint32_t)r->state, r->faults, r->level,
-                              r->outer,           r->active, r->pivots};
+                              r->points,          r->active, r->iterations};
     for (uint32_t i = 0; i < count; i++) {
         h = mix(h, &out[i].id, sizeof out[i].id);
         h = mix(h, out[i].data, out[i].length);
@@ -71,16 +71,14 @@ void record_write_session(FILE *f, const session_record *s) {
     FILE *m = open_memstream(&text, &bytes);
     if (m == NULL) die(EXIT_WORK, "no memory for the log's header");
     fprintf(m,
-            "palp-log 2\nbus %s\nblob %" PRIu32 " %" PRIu32 "\nrate %.9g\norigin %.9g %.9g %.9g\n",
+            "palp-log 3\nbus %s\nblob %" PRIu32 " %" PRIu32 "\nrate %.9g\norigin %.9g %.9g %.9g\n",
             s->bus, s->blob_bytes, s->blob_crc, (double)c->device.drives.rate_hz,
             (double)p->origin_m.x, (double)p->origin_m.y, (double)p->origin_m.z);
     fprintf(m, "rotation");
     for (int i = 0; i < 9; i++) fprintf(m, " %.9g", (double)p->rotation[i]);
     fprintf(m, "\nscale %.9g\ntool %.9g %.9g\n", (double)p->scale, (double)c->tool.ball[0].radius_m,
             (double)c->tool.friction);
-    fprintf(m, "limits %" PRIu32 " %" PRIu32 " %" PRIu32 " %" PRIu32 " %d\n",
-            c->limits.max_candidates, c->limits.max_active, c->limits.max_new, c->limits.max_pivots,
-            c->limits.friction ? 1 : 0);
+    fprintf(m, "finest %" PRIu32 "\n", c->finest);
     fprintf(m, "cost %.9g %.9g %.9g\nprices", (double)c->cost.ns_per_instruction,
             (double)c->cost.ns_per_byte, (double)c->cost.margin);
     for (uint32_t k = 0; k < PALP_WORKS; k++)
@@ -117,7 +115,8 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
     put_u64(frame.data, t->digest);
     frame.data[8] = (uint8_t)r->state;
     frame.data[9] = (uint8_t)r->level;
-    frame.data[10] = (uint8_t)r->outer;
+    frame.data[10] = (uint8_t)r->points;
+    frame.data[11] = r->held ? 1 : 0;
     palp_put_u32(frame.data + 12, r->faults);
     palp_put_u32(frame.data + 16, r->active);
     for (uint32_t i = 0; i < 9; i++) palp_put_f32(frame.data + 20 + 4 * i, values[i]);
@@ -193,7 +192,6 @@ static bool floats(const char *line, const char *key, float *value, int count) {
 static bool parse_header_line(session_record *s, const char *line) {
     palp_servo_config *c = &s->config;
     float two[2], three[3], one;
-    unsigned u[5];
     if (sscanf(line, "bus %31s", s->bus) == 1) return true;
     if (sscanf(line, "blob %" SCNu32 " %" SCNu32, &s->blob_bytes, &s->blob_crc) == 2) return true;
     if (floats(line, "rate", &c->device.drives.rate_hz, 1)) return true;
@@ -208,10 +206,7 @@ static bool parse_header_line(session_record *s, const char *line) {
         c->tool.friction = two[1];
         return true;
     }
-    if (sscanf(line, "limits %u %u %u %u %u", &u[0], &u[1], &u[2], &u[3], &u[4]) == 5) {
-        c->limits = (palp_node_contact_limits){u[0], u[1], u[2], u[3], u[4] == 1};
-        return true;
-    }
+    if (sscanf(line, "finest %" SCNu32, &c->finest) == 1) return true;
     if (floats(line, "cost", three, 3)) {
         c->cost = (palp_cost_table){&s->target, three[0], three[1], three[2]};
         return true;
@@ -221,13 +216,14 @@ static bool parse_header_line(session_record *s, const char *line) {
         c->resume = one > 0;
         return true;
     }
-    return strcmp(line, "palp-log 2") == 0;
+    return strcmp(line, "palp-log 3") == 0;
 }
 
 static void parse_header(session_record *s, const char *path, char *text) {
-    if (strncmp(text, "palp-log 1\n", 11) == 0)
-        die(EXIT_WORK, "%s: written by palpd 0.2 or older, whose bounds were others", path);
-    if (strncmp(text, "palp-log 2\n", 11) != 0)
+    if (strncmp(text, "palp-log 1\n", 11) == 0 || strncmp(text, "palp-log 2\n", 11) == 0)
+        die(EXIT_WORK, "%s: written by an older palpd, whose contact was another: record it again",
+            path);
+    if (strncmp(text, "palp-log 3\n", 11) != 0)
         die(EXIT_WORK, "%s: not a log that palpd has written (--log)", path);
     for (char *line = text; line != NULL;) {
         char *next = strchr(line, '\n');
@@ -313,13 +309,13 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
         for (uint32_t i = 0; i < n; i++) t->clock_ns[at + i] = palp_get_u32(frame.data + 4 * i);
     }
     if (!take(r, ID_RESULT, 56, &frame)) return false;
-    if (frame.data[8] > PALP_STATE_ESTOP || frame.data[9] >= PALP_MAX_LEVELS ||
-        frame.data[10] > frame.data[9])
+    if (frame.data[8] > PALP_STATE_ESTOP || frame.data[9] >= PALP_CONTACT_LEVELS)
         die(EXIT_WORK, "%s:%zu: damaged: state or level out of range", r->path, r->line);
     t->digest = get_u64(frame.data);
     t->report.state = (palp_state)frame.data[8];
     t->report.level = frame.data[9];
-    t->report.outer = frame.data[10];
+    t->report.points = frame.data[10];
+    t->report.held = frame.data[11] != 0;
     t->report.faults = palp_get_u32(frame.data + 12);
     t->report.active = palp_get_u32(frame.data + 16);
     float v[9];

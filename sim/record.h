@@ -10,7 +10,7 @@
  *   1FFF0001  a tick begins: tick u64, skipped u32, events u32, then u16: frames in, frames out,
  *             clock readings, wake-up lateness in us. The frames in follow.
  *   1FFF0002  clock readings, up to 16 u32 ns after the tick's first
- *   1FFF0003  the result: digest u64, state, level, outer level, 0, faults u32, active u32, then
+ *   1FFF0003  the result: digest u64, state, level, points, held, faults u32, active u32, then
  *             f32: force N x3, tip m x3, stored J, absorbed J, duration of the tick ns. The frames
  *             out follow.
  *   1FFF0004  ticks that were lost on the way to the file, u64: replay ends here
@@ -23,7 +23,7 @@
 
 #define RECORD_FRAMES 64u
 #define RECORD_CLOCKS 256u
-#define RECORD_LOADS 64u
+#define RECORD_LOADS PALP_SERVO_LOADS
 
 /* One tick, as it goes from the real-time thread to everybody else. */
 typedef struct {

@@ -76,7 +76,7 @@ static bool same_frames(const tick_record *t, const palp_can_frame *out, uint32_
 /* What stands in the log besides the digest, so that whoever reads it there reads the truth. */
 static bool same_result(const palp_report *a, const palp_report *b) {
     return a->state == b->state && a->faults == b->faults && a->level == b->level &&
-           a->outer == b->outer && a->active == b->active &&
+           a->points == b->points && a->held == b->held && a->active == b->active &&
            memcmp(&a->force_N, &b->force_N, sizeof a->force_N) == 0 &&
            memcmp(&a->tip_m, &b->tip_m, sizeof a->tip_m) == 0 &&
            memcmp(&a->stored_J, &b->stored_J, sizeof a->stored_J) == 0 &&
@@ -95,8 +95,9 @@ static void write_line(FILE *f, const tick_record *t, const palp_report *r) {
 
 static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *config) {
     palp_servo *servo;
-    size_t bytes = palp_servo_memsize(blob, config->limits);
-    if (bytes == 0) die(EXIT_WORK, "the log's limits are unsound");
+    size_t bytes = palp_servo_memsize(blob, config->finest);
+    if (bytes == 0)
+        die(EXIT_WORK, "the log's level of contact is none, or the blob cannot be touched");
     palp_status status =
         palp_servo_open(&servo, blob, config, allocate_aligned(bytes, 1), bytes, NULL);
     if (status != PALP_OK) die(EXIT_WORK, "cannot open the servo: %s", palp_status_text(status));
@@ -142,7 +143,6 @@ int command_replay(int argc, char **argv) {
         palp_tick_input in = {
             .frames = t->in, .count = t->in_count, .skipped = t->skipped, .events = t->events};
         uint32_t n = palp_servo_tick(servo, &in, out, &report);
-        palp_servo_spare(servo);
         digest = record_digest(digest, out, n, &report);
         if (csv.file != NULL) write_line(csv.file, t, &report);
         if (same_frames(t, out, n, why, sizeof why)) {

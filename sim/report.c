@@ -75,24 +75,16 @@ static float largest_force(const run_record *r) {
     return largest;
 }
 
-/* "level 3 in 9000 ticks, 3/2 in 800, 2 in 200", finest first. */
+/* "level 4 in 9000 ticks, 3 in 200", finest first. */
 static void describe_levels(const run_record *r, char *text, size_t size) {
-    size_t count[PALP_MAX_LEVELS][2] = {{0}}, used = 0;
-    bool first = true;
-    for (size_t i = 0; i < r->count; i++)
-        count[r->tick[i].level][r->tick[i].outer < r->tick[i].level ? 1 : 0]++;
+    size_t count[PALP_CONTACT_LEVELS] = {0}, used = 0;
+    for (size_t i = 0; i < r->count; i++) count[r->tick[i].level]++;
     text[0] = '\0';
-    for (uint32_t l = PALP_MAX_LEVELS; l-- > 0;) {
-        for (uint32_t mixed = 0; mixed < 2 && used < size; mixed++) {
-            if (count[l][mixed] == 0) continue;
-            char name[24];
-            snprintf(name, sizeof name, mixed != 0 ? "%" PRIu32 "/%" PRIu32 : "%" PRIu32, l,
-                     l > 0 ? l - 1 : 0);
-            int n = snprintf(text + used, size - used, "%s%s in %zu%s", first ? "level " : ", ",
-                             name, count[l][mixed], first ? " ticks" : "");
-            used += n > 0 ? (size_t)n : 0;
-            first = false;
-        }
+    for (uint32_t l = PALP_CONTACT_LEVELS; l-- > 0 && used < size;) {
+        if (count[l] == 0) continue;
+        int n = snprintf(text + used, size - used, "%s%" PRIu32 " in %zu%s",
+                         used == 0 ? "level " : ", ", l, count[l], used == 0 ? " ticks" : "");
+        used += n > 0 ? (size_t)n : 0;
     }
 }
 
@@ -101,17 +93,18 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
     quantiles q = quantiles_of(us, r->count);
     const palp_counters *c = &r->counters;
     const palp_report *last = &r->tick[r->count - 1];
-    uint32_t most_active = 0;
-    size_t touching = 0, spent = 0, full = 0, aborted = 0;
+    uint32_t most_active = 0, most_points = 0;
+    size_t touching = 0, spent = 0, full = 0, held = 0;
+    float doubt_N = 0;
     for (size_t i = 0; i < r->count; i++) {
-        if (r->tick[i].active > most_active) most_active = r->tick[i].active;
-        touching += r->tick[i].active > 0 ? 1 : 0;
-        aborted += r->tick[i].aborted;
-        spent += (r->tick[i].contact_flags & PALP_NODE_CONTACT_PIVOTS_SPENT) != 0 ? 1 : 0;
-        full += (r->tick[i].contact_flags &
-                 (PALP_NODE_CONTACT_ACTIVE_FULL | PALP_NODE_CONTACT_CANDIDATES_FULL)) != 0
-                    ? 1
-                    : 0;
+        const palp_report *t = &r->tick[i];
+        most_active = t->active > most_active ? t->active : most_active;
+        most_points = t->points > most_points ? t->points : most_points;
+        doubt_N = fmaxf(doubt_N, t->doubt_N);
+        touching += t->active > 0 ? 1 : 0;
+        held += t->held ? 1 : 0;
+        spent += (t->contact_flags & PALP_CONTACT_SPENT) != 0 ? 1 : 0;
+        full += (t->contact_flags & PALP_CONTACT_FULL) != 0 ? 1 : 0;
     }
     char text[512];
 #define LINE(name, ...)                                                                            \
@@ -139,10 +132,13 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
     char levels[256];
     describe_levels(r, levels, sizeof levels);
     LINE("levels",
-         "%s; %" PRIu64 " drops, %" PRIu64 " climbs, %zu aborted; %zu ticks spent their pivots, "
-         "%zu met a capacity",
-         levels, c->dropped, c->climbed, aborted, spent, full);
-    LINE("contact", "%zu ticks touching, at most %" PRIu32 " nodes", touching, most_active);
+         "%s; made coarser %" PRIu64 " times, finer again %" PRIu64 "; %zu ticks held as foreseen",
+         levels, c->coarsened, c->refined, held);
+    LINE("contact",
+         "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
+         " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
+         "force may have been off by %.3g N at most",
+         touching, most_active, most_points, spent, full, (double)doubt_N);
     LINE("frames",
          "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
          " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
@@ -253,7 +249,7 @@ static double force_z(const palp_report *t) { return (double)t->force_N.z; }
 static double stored(const palp_report *t) { return 1e3 * (double)t->stored_J; }
 static double absorbed(const palp_report *t) { return 1e3 * (double)t->absorbed_J; }
 static double active(const palp_report *t) { return t->active; }
-static double candidates(const palp_report *t) { return t->candidates; }
+static double points(const palp_report *t) { return t->points; }
 static double level(const palp_report *t) { return t->level; }
 static double tip_z(const palp_report *t) { return 1e3 * (double)t->tip_m.z; }
 
@@ -295,9 +291,9 @@ void report_html(FILE *f, const run_record *r) {
                                    {force_z, "#2d6cb5", "z"}};
     static const series energy[] = {{absorbed, "#8e44ad", "absorbed from the hand"},
                                     {stored, "#d68910", "stored in body and coupling"}};
-    static const series contact[] = {{candidates, "#bbb", "candidates"},
+    static const series contact[] = {{points, "#bbb", "contact points"},
                                      {active, "#2d6cb5", "in contact"},
-                                     {level, "#c0392b", "constraint level"}};
+                                     {level, "#c0392b", "level"}};
     static const series motion[] = {{tip_z, "#222", "tip height"}};
     fprintf(
         f,

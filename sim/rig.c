@@ -12,18 +12,19 @@ static uint64_t virtual_clock(void *context) {
 
 palp_servo_config rig_config(rig *r, const palp_blob *blob) {
     touch_frame t = place_body(blob, &r->file.device, UINT32_MAX);
-    return (palp_servo_config){.device = r->file.device,
-                               .placement = t.placement,
-                               .limits = PALP_NODE_CONTACT_DEFAULTS,
-                               .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
-                               .tool = palp_tool_sphere(t.tool_radius_m),
-                               .port = {.now_ns = virtual_clock, .context = r}};
+    return (palp_servo_config){
+        .device = r->file.device,
+        .placement = t.placement,
+        .finest = PALP_CONTACT_FINEST,
+        .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
+        .tool = palp_tool_sphere(t.tool_radius_m),
+        .port = {.now_ns = virtual_clock, .context = r}};
 }
 
 void rig_open(rig *r, const palp_blob *blob, const palp_servo_config *config, const char *script,
               const char *faults, uint64_t seed) {
     fault_list f = faults != NULL ? faults_read(faults, seed) : (fault_list){.seed = seed};
-    size_t bytes = palp_servo_memsize(blob, config->limits);
+    size_t bytes = palp_servo_memsize(blob, config->finest);
     r->memory = allocate_aligned(bytes, 1);
     r->clock_step_ns = 100;
     if (palp_servo_open(&r->servo, blob, config, r->memory, bytes, NULL) != PALP_OK)
@@ -53,7 +54,6 @@ void rig_tick(rig *r) {
     for (uint32_t i = 0; i < n; i++) {
         if (!sim_bus_send(&r->bus, &out[i])) r->more_events |= PALP_EVENT_BUS_FULL;
     }
-    palp_servo_spare(r->servo);
     r->largest_N = fmax(r->largest_N, (double)palp_norm(r->report.force_N));
 }
 

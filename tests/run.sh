@@ -6,6 +6,7 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 for test in "$@"; do
     case $test in *.sh) runner=sh ;; *) runner= ;; esac
+    begun=$(date +%s)
     $runner "$test" >"$log" 2>&1
     status=$?
     p=$(grep -cE '^ok ' "$log") f=$(grep -cE '^not ok ' "$log") s=$(grep -cE '^ok .*# SKIP' "$log")
@@ -15,7 +16,7 @@ for test in "$@"; do
         tail -5 "$log"
         f=$((f + 1))
     fi
-    echo "# $test: $((p - s)) passed, $f failed, $s skipped"
+    echo "# $test: $((p - s)) passed, $f failed, $s skipped, $(($(date +%s) - begun)) s"
     grep -E '^not ok |# SKIP' "$log"
     [ -n "$VERBOSE" ] && cat "$log"
     passed=$((passed + p - s)) failed=$((failed + f)) skipped=$((skipped + s))

@@ -238,6 +238,12 @@ static void report(FILE *f, const built *b, const detail_data *detail, double se
                 " modes, %.2g of the compliance left over; %zu bytes\n",
                 m->modes, b->left_over,
                 6 * (size_t)m->nodes * m->modes + 12 * (size_t)m->triangles + 4 * (size_t)m->modes);
+        fprintf(f, "levels of contact    ");
+        for (uint32_t l = 0; l < PALP_CONTACT_LEVELS && b->levels.count > 0; l++)
+            fprintf(f, " %" PRIu32 ": %.1f (%.1f)%s", l, 100 * b->levels.mean[l],
+                    100 * b->levels.worst[l], l + 1 < PALP_CONTACT_LEVELS ? "," : "");
+        fprintf(f, " %% off the finest in the mean (at worst) of %" PRIu32 " presses\n",
+                b->levels.count);
     }
     if (detail->vertices > 0) {
         fprintf(f,

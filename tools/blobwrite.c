@@ -125,12 +125,15 @@ static void add_detail(section_list *l, const detail_data *d, uint32_t nodes) {
     section_add(l, PALP_SEC_DETAIL_LIST, d->list, d->vertices, 4);
 }
 
-static void add_regular(section_list *l, const regular_data *r, const mesh *m) {
+static void add_regular(section_list *l, const regular_data *r, const float *level_error,
+                        const mesh *m) {
     if (r == NULL) return;
     section_add(l, PALP_SEC_ACROSS, r->across, m->triangles, 12);
     section_add(l, PALP_SEC_NODE_TRIANGLE, r->triangle, m->vertices, 4);
     section_add(l, PALP_SEC_MODE_VALUE, r->value, r->modes, 4);
     section_add(l, PALP_SEC_MODE, r->vector, 3 * (uint64_t)m->vertices * r->modes, 2);
+    if (level_error != NULL)
+        section_add(l, PALP_SEC_LEVEL_ERROR, level_error, PALP_LEVEL_ERRORS, 8);
 }
 
 /* Insertion sort by type: the table must ascend. */
@@ -224,7 +227,7 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     section_add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
     float *level_area = add_levels(&l, c);
     add_detail(&l, c->detail, m->vertices);
-    add_regular(&l, c->regular, m);
+    add_regular(&l, c->regular, c->level_error, m);
     meta->modes = c->regular != NULL ? c->regular->modes : 0;
     meta->detail_vertices = c->detail != NULL ? c->detail->vertices : 0;
     meta->detail_triangles = c->detail != NULL ? c->detail->triangles : 0;

@@ -21,6 +21,7 @@ typedef struct {
     const columns_data *coarse[PALP_MAX_LEVELS]; /* levels below the constraint level */
     const float *table[PALP_MAX_LEVELS];         /* NULL: not stored */
     const detail_data *detail;                   /* NULL: none */
+    const float *level_error;                    /* [PALP_LEVEL_ERRORS][2]; NULL: none */
     const regular_data *regular;                 /* NULL: none */
     uint32_t max_row;                            /* at least; 0: that of the domains */
     palp_meta meta; /* material, options, errors; counts and grid are filled in here */

@@ -6,6 +6,7 @@
 
 #include "blobwrite.h"
 #include "greens.h"
+#include "press.h"
 
 typedef struct {
     wavelet wavelet;
@@ -24,8 +25,9 @@ typedef struct {
     uint8_t *bytes;
     size_t size;
     palp_meta meta;
-    double softened;  /* largest softening over a node's own compliance */
-    double left_over; /* of regular_data */
+    double softened;     /* largest softening over a node's own compliance */
+    double left_over;    /* of regular_data */
+    press_errors levels; /* of contact; count 0: not measured */
 } built;
 
 /* The wavelet domains of a mesh. */

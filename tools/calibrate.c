@@ -3,6 +3,8 @@
 #include "args.h"
 #include "commands.h"
 #include "build.h"
+#include "core/contact/cost.h"
+#include "press.h"
 #include "semireg.h"
 #include "util.h"
 #include <math.h>
@@ -31,104 +33,108 @@ static double typical(double *sample, size_t count) {
     return count > 0 ? sample[(size_t)(0.9 * (double)(count - 1))] : 0;
 }
 
-/* One press of the tool, sunk in step by step: ns per unit of the bound, of each admission and of
- * each solve. */
+/* The steps of a tick of contact. */
+enum { FILL, POINTS, ASSEMBLE, ITERATE, FINISH, PARTS };
+
+/* Presses of the tool, sunk in step by step: ns per unit of the bound, of each step. */
 typedef struct {
-    palp_node_contact contact;
-    palp_touch_cost instructions, bytes;
-    palp_fresh *fresh;
-    const palp_tool *tool;
+    palp_contact *contact;
+    palp_contact_cost instructions, bytes;
     palp_vec3 x, n;
-    palp_rung rung;
-    uint8_t *other; /* what caches are filled with */
-    double *admit, *solve;
-    size_t admits, solves, most;
+    float size;
+    uint8_t *other;            /* what caches are filled with; NULL: left warm */
+    double ns_per_instruction; /* 0: to be measured; then the bytes are */
+    double *sample[PARTS];
+    size_t samples[PARTS], most;
+    double start_ns;
 } bench;
 
-static void chill(bench *b) {
+static void begin(bench *b) {
     for (size_t i = 0; b->other != NULL && i < COLD_BYTES; i += 64) b->other[i]++;
+    b->start_ns = clock_ns();
 }
 
-/* Time beyond the bound of instructions at `ns_per_instruction`, over the bytes; or, when that is
- * 0, over the instructions. */
-static double share(double ns, double instructions, double bytes, double ns_per_instruction) {
-    if (ns_per_instruction > 0) return fmax(ns - instructions * ns_per_instruction, 0) / bytes;
-    return ns / instructions;
+/* Time beyond the bound of instructions over the bytes; or, when their price is to be measured,
+ * all of it over the instructions. */
+static void end(bench *b, int part, float instructions, float bytes) {
+    double ns = clock_ns() - b->start_ns, known = b->ns_per_instruction;
+    if (b->samples[part] == b->most) return;
+    b->sample[part][b->samples[part]++] =
+        known > 0 ? fmax(ns - (double)instructions * known, 0) / (double)bytes
+                  : ns / (double)instructions;
 }
 
-static void press(bench *b, double ns_per_instruction) {
-    float size = palp_tool_size(b->tool);
-    palp_node_contact *c = &b->contact;
-    palp_node_contact_clear(c, b->rung.level);
-    for (int step = 0; step < STEPS; step++) {
-        palp_vec3 center = palp_madd(b->x, size * (1.0f - 0.01f * (float)step), b->n);
-        uint32_t count = palp_node_contact_search(c, &center, b->fresh);
-        for (uint32_t i = 0; i < count; i++) {
-            uint32_t k = c->count, n = c->active_count;
-            chill(b);
-            double start = clock_ns();
-            palp_node_contact_admit(c, b->fresh[i]);
-            double ns = clock_ns() - start;
-            if (b->admits == b->most) continue;
-            b->admit[b->admits++] =
-                share(ns, (double)palp_cost_admit(&b->instructions, b->rung, k, n),
-                      (double)palp_cost_admit(&b->bytes, b->rung, k, n), ns_per_instruction);
-        }
-        palp_grip grip = {.held_m = center, .stiffness_N_per_m = 1000.0f};
-        chill(b);
-        double start = clock_ns();
-        (void)palp_node_contact_solve(c, center, grip);
-        double ns = clock_ns() - start, instructions, bytes;
-        float pivots = (float)c->pivots;
-        instructions =
-            (double)(palp_cost_begin(&b->instructions, c->count) +
-                     pivots * palp_cost_pivot(&b->instructions, c->count, c->active_count));
-        bytes = (double)(palp_cost_begin(&b->bytes, c->count) +
-                         palp_cost_pivot(&b->bytes, c->count, c->active_count));
-        if (b->solves < b->most)
-            b->solve[b->solves++] = share(ns, instructions, bytes, ns_per_instruction);
+static void tick(bench *b, palp_vec3 at) {
+    palp_contact *c = b->contact;
+    const palp_contact_cost *i = &b->instructions, *y = &b->bytes;
+    const palp_contact_level l = palp_contact_level_of(c->now, i->modes);
+    const palp_contact_spring held = {.held_m = at, .stiffness_N_per_m = 1000.0f};
+    bool more = true;
+    palp_contact_begin(c, &at, &held);
+    while (more) {
+        begin(b);
+        more = palp_contact_fill(c);
+        end(b, FILL, palp_contact_cost_filled(i, c->done), palp_contact_cost_filled(y, c->done));
     }
+    begin(b);
+    uint32_t count = palp_contact_points(c);
+    if (count == 0) return;
+    end(b, POINTS, palp_contact_cost_points(i, l, c->places, count),
+        palp_contact_cost_points(y, l, c->places, count));
+    begin(b);
+    while (palp_contact_assemble(c)) {}
+    end(b, ASSEMBLE, palp_contact_cost_assemble(i, l, count),
+        palp_contact_cost_assemble(y, l, count));
+    do {
+        uint32_t active = c->active_count;
+        begin(b);
+        more = palp_contact_iterate(c);
+        active = c->active_count > active ? c->active_count : active;
+        end(b, ITERATE, palp_contact_cost_iterate(i, count, active),
+            palp_contact_cost_iterate(y, count, active));
+    } while (more);
+    begin(b);
+    palp_contact_finish(c);
+    end(b, FINISH, palp_contact_cost_finish(i, l, c->places, count, c->active_count),
+        palp_contact_cost_finish(y, l, c->places, count, c->active_count));
 }
 
-static double slowest(bench *b, int rounds, double ns_per_instruction) {
-    b->admits = b->solves = 0;
-    for (int round = 0; round < rounds; round++) press(b, ns_per_instruction);
-    return fmax(typical(b->admit, b->admits), typical(b->solve, b->solves));
+/* Of the slowest step. */
+static double slowest(bench *b, int rounds) {
+    double most = 0;
+    for (int p = 0; p < PARTS; p++) b->samples[p] = 0;
+    for (int round = 0; round < rounds; round++) {
+        palp_contact_clear(b->contact);
+        for (int step = 0; step < STEPS; step++)
+            tick(b, palp_madd(b->x, b->size * (1.0f - 0.01f * (float)step), b->n));
+    }
+    for (int p = 0; p < PARTS; p++) most = fmax(most, typical(b->sample[p], b->samples[p]));
+    return most;
 }
 
-void calibrate(machine *m, const palp_blob *blob, palp_node_contact_limits limits, const palp_tool *tool,
-               uint32_t node, bool cold) {
+void calibrate(machine *m, const palp_blob *blob, const palp_tool *tool, uint32_t node, bool cold) {
     const palp_target *target = machine_of_this_build();
-    uint32_t level = blob->meta->constraint_level;
     machine_find(m, target != NULL ? target->name : palp_target_counted.name);
-    bench b = {.instructions = palp_touch_cost_of(blob, limits, tool, 1, &m->target.instructions),
-               .bytes = palp_touch_cost_of(blob, limits, tool, 1, &palp_bytes_touched),
-               .fresh = allocate(limits.max_candidates, sizeof *b.fresh),
-               .tool = tool,
+    bench b = {.contact = press_open(blob, tool, PALP_CONTACT_FINEST),
+               .instructions = palp_contact_cost_of(blob, tool, 1, &m->target.instructions),
+               .bytes = palp_contact_cost_of(blob, tool, 1, &palp_bytes_touched),
                .x = palp_vec3_at(blob->rest_m + 3 * node),
                .n = palp_vec3_at(blob->normal + 3 * node),
-               .rung = {level, level},
-               .most = ROUNDS * STEPS * (size_t)limits.max_candidates};
-    b.admit = allocate(b.most, sizeof *b.admit);
-    b.solve = allocate(b.most, sizeof *b.solve);
-    size_t bytes = palp_node_contact_memsize(blob, limits);
-    void *memory = allocate_aligned(bytes, 1);
-    if (palp_node_contact_init(&b.contact, blob, blob->rest_m, tool, 1, limits, memory, bytes) !=
-        PALP_OK)
-        die(EXIT_WORK, "the contact limits are unsound");
-    double warm = slowest(&b, ROUNDS, 0);
+               .size = palp_tool_size(tool),
+               .most = ROUNDS * STEPS * (PALP_CONTACT_ITERATIONS + 1)};
+    for (int p = 0; p < PARTS; p++) b.sample[p] = allocate(b.most, sizeof *b.sample[p]);
+    double warm = slowest(&b, ROUNDS);
     m->ns_per_instruction = (float)(CALIBRATE_SAFETY * warm);
     m->ns_per_byte = 0;
     if (cold) {
         b.other = allocate(COLD_BYTES, 1);
-        m->ns_per_byte = (float)(CALIBRATE_SAFETY * slowest(&b, 1, warm));
+        b.ns_per_instruction = warm;
+        m->ns_per_byte = (float)(CALIBRATE_SAFETY * slowest(&b, 1));
     }
     snprintf(m->basis, sizeof m->basis, "measured here, times %g", CALIBRATE_SAFETY);
+    for (int p = 0; p < PARTS; p++) free(b.sample[p]);
     free(b.other);
-    free(memory);
-    free(b.solve);
-    free(b.admit);
-    free(b.fresh);
+    press_close(b.contact);
 }
 
 /* ---- palp calibrate ---- */
@@ -157,7 +163,8 @@ static palp_blob sample_blob(void) {
     double(*normal)[3] = allocate(m.vertices, sizeof *normal);
     for (uint32_t i = 0; i < m.vertices; i++) fixed[i] = m.x[i][2] <= 0.01;
     mesh_nodal(&m, area, normal);
-    build_options options = {.wavelet = {.lifted = true}, .compress = {.epsilon = 0.05}};
+    build_options options = {
+        .wavelet = {.lifted = true}, .compress = {.epsilon = 0.05}, .modes = BUILD_MODES};
     domains d = domains_build(&m, fixed, area, options.wavelet);
     options.constraint_level = d.domain[PALP_FREE].view.levels - 1;
     greens g = greens_from_bem(&m, fixed, &material, 1000);
@@ -191,7 +198,7 @@ int command_calibrate(int argc, char **argv) {
     palp_tool tool = palp_tool_sphere(6 * blob.meta->mean_edge_m);
     uint32_t node = blob.domain[PALP_FREE].node[blob.domain[PALP_FREE].slots / 2u];
     output out = open_output(path);
-    calibrate(&m, &blob, PALP_NODE_CONTACT_DEFAULTS, &tool, node, true);
+    calibrate(&m, &blob, &tool, node, true);
     if (machine_of_this_build() == NULL)
         warn("no instruction counts are shipped for this machine: the table counts operations");
     machine_write(out.file, &m);

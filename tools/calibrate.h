@@ -7,13 +7,12 @@
 
 /*
  * The target that this program was built for, with its speed here: time over the bound in
- * instructions of admissions and solves around `node`, warm. With `cold` also ns_per_byte, from the
+ * instructions of the steps of contact around `node`, warm. With `cold` also ns_per_byte, from the
  * same after the caches were filled with other data: for the first ticks after a rest; a loop that
  * runs keeps its caches. Upper estimates, CALIBRATE_SAFETY times what was typical of the slowest
  * kind.
  */
 #define CALIBRATE_SAFETY 2.0
-void calibrate(machine *m, const palp_blob *blob, palp_node_contact_limits limits, const palp_tool *tool,
-               uint32_t node, bool cold);
+void calibrate(machine *m, const palp_blob *blob, const palp_tool *tool, uint32_t node, bool cold);
 
 #endif

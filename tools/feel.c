@@ -6,6 +6,7 @@
 #include "commands.h"
 #include "core/servo/answer.h"
 #include "parallel.h"
+#include "press.h"
 #include "util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -185,45 +186,6 @@ static void choose_places(bench *b, double edges) {
     free(list);
 }
 
-static palp_contact *open_contact(const palp_blob *blob, const palp_tool *tool, uint32_t level) {
-    size_t bytes = palp_contact_memsize(blob, 1, PALP_CONTACT_LEVELS - 1u);
-    palp_contact *c = allocate(1, sizeof *c);
-    palp_status status = palp_contact_init(c, blob, tool, 1, PALP_CONTACT_LEVELS - 1u,
-                                           allocate_aligned(bytes, 1), bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "the body cannot be touched (%s): bake it again", palp_status_text(status));
-    c->now = level;
-    return c;
-}
-
-static void close_contact(palp_contact *c) {
-    free(c->point < c->before ? c->point : c->before); /* the first of its memory */
-    free(c);
-}
-
-/* Holds a rigid tool at a place until the contact is settled. */
-static void hold(palp_contact *c, palp_vec3 at, int ticks) {
-    const palp_contact_spring held = {.held_m = at};
-    for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &held);
-}
-
-/* A point of the smooth surface next to a node, moved on by `step` and shot back. */
-static bool surface_point(const palp_contact *c, palp_vec3 from, palp_vec3 n,
-                          palp_surface_point *p) {
-    uint32_t crossings = 64;
-    return palp_surface_shoot(&c->surface, from, palp_scale(-1.0f, n), &crossings, p);
-}
-
-static palp_surface_point start_at(const palp_contact *c, uint32_t node) {
-    palp_surface_point p = {.triangle = c->surface.blob->regular.triangle[node]};
-    palp_vec3 x = at_node(c->surface.blob->rest_m, node),
-              n = at_node(c->surface.blob->normal, node);
-    p.y = x;
-    p.n = n;
-    (void)surface_point(c, palp_madd(x, c->surface.blob->meta->mean_edge_m, n), n, &p);
-    return p;
-}
-
 /* Half of the trace of the curvature, from how normals turn towards the neighbours. */
 static double curvature(const palp_blob *b, uint32_t node) {
     double sum = 0;
@@ -248,16 +210,6 @@ static double regular_compliance(const palp_contact *c, const palp_surface_point
 
 /* ---- measures ---- */
 
-/* Whether no part of the body lies more than half as much again in a tool pressed so deep. */
-static bool is_clear(const bench *b, palp_vec3 at, double radius, double depth) {
-    float least = (float)(radius - 1.5 * depth - 0.02 * b->edge_m);
-    for (uint32_t i = 0; i < b->blob->meta->nodes; i++) {
-        palp_vec3 d = palp_sub(at_node(b->blob->rest_m, i), at);
-        if (palp_dot(d, d) < least * least) return false;
-    }
-    return true;
-}
-
 static void against_hertz(bench *b) {
     static const double size[] = {0.1, 0.2, 0.5, 1};
     const palp_meta *m = b->blob->meta;
@@ -271,13 +223,13 @@ static void against_hertz(bench *b) {
             if (!(effective > 0) || effective > 4 * radius) continue;
             double depth = a * a / effective, force = 0;
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = open_contact(b->blob, &tool, PALP_CONTACT_FINEST);
-            palp_surface_point p = start_at(c, b->place[i]);
+            palp_contact *c = press_open(b->blob, &tool, PALP_CONTACT_FINEST);
+            palp_surface_point p = press_start(c, b->place[i]);
             double h = regular_compliance(c, &p);
             palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
-            hold(c, at, 8);
-            if (!is_clear(b, at, radius, depth)) {
-                close_contact(c);
+            press_hold(c, at, 8);
+            if (!press_is_clear(b->blob, at, radius, depth)) {
+                press_close(c);
                 continue;
             }
             for (int it = 0; it < 60; it++) { /* depth = depth of Hertz + force H */
@@ -288,7 +240,7 @@ static void against_hertz(bench *b) {
             sum += error;
             square += error * error;
             used++;
-            close_contact(c);
+            press_close(c);
         }
         char of[72];
         double mean = used > 0 ? sum / used : (double)NAN;
@@ -318,8 +270,8 @@ static double roughness(const double *f, int count, int window) {
 static double slide(bench *b, uint32_t node, double radius, double depth, uint32_t level,
                     uint32_t *lost) {
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = open_contact(b->blob, &tool, level);
-    palp_surface_point p = start_at(c, node);
+    palp_contact *c = press_open(b->blob, &tool, level);
+    palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.3f, 0.5f, 0.8f};
     double f[PATH_TICKS];
     uint32_t without = 0;
@@ -329,15 +281,15 @@ static double slide(bench *b, uint32_t node, double radius, double depth, uint32
         along = palp_scale(1.0f / palp_norm(along), along);
         double advance = i < 0 ? 0 : PATH_EDGES * b->edge_m / PATH_TICKS;
         palp_vec3 y = palp_madd(p.y, (float)advance, along);
-        whole = surface_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
+        whole = press_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
         palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
-        whole = whole && is_clear(b, at, radius, depth);
-        hold(c, at, 1);
+        whole = whole && press_is_clear(b->blob, at, radius, depth);
+        press_hold(c, at, 1);
         if (i < 0) continue;
         f[i] = (double)palp_norm(c->force_N[0]);
         without += !(f[i] > 0);
     }
-    close_contact(c);
+    press_close(c);
     if (!whole) return (double)NAN;
     *lost += without;
     return roughness(f, PATH_TICKS, (int)(PATH_TICKS / PATH_EDGES));
@@ -377,38 +329,14 @@ static void ripple(bench *b) {
 }
 
 static void levels(bench *b) {
-    static const double size[] = {1, 2, 4, 6};
     static const double goal[PALP_CONTACT_LEVELS] = {4, 4, 4, 2, 2, 2};
+    const press_errors e = press_levels(b->blob, b->place, b->places);
     for (uint32_t l = 0; l + 1 < PALP_CONTACT_LEVELS; l++) {
-        double worst = 0, mean = 0;
-        uint32_t count = 0;
-        for (size_t s = 0; s < 4; s++) {
-            for (uint32_t i = 0; i < b->places; i++) {
-                double radius = size[s] * b->edge_m, depth = 0.1 * radius;
-                palp_tool tool = palp_tool_sphere((float)radius);
-                palp_contact *c = open_contact(b->blob, &tool, PALP_CONTACT_LEVELS - 1u);
-                palp_surface_point p = start_at(c, b->place[i]);
-                palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
-                if (!is_clear(b, at, radius, depth)) {
-                    close_contact(c);
-                    continue;
-                }
-                hold(c, at, 8);
-                palp_vec3 fine = c->force_N[0];
-                c->now = l;
-                hold(c, at, 8);
-                double off = (double)(palp_norm(palp_sub(c->force_N[0], fine)) / palp_norm(fine));
-                worst = fmax(worst, off);
-                mean += off;
-                count++;
-                close_contact(c);
-            }
-        }
         char of[72];
         snprintf(of, sizeof of, "level %u against %u, tools of 1 to 6 edges", l,
                  PALP_CONTACT_LEVELS - 1u);
-        feel_add(&b->table, "level, mean", of, 100 * mean / count, "%", FORCE_THRESHOLD, goal[l]);
-        feel_add(&b->table, "level, worst", of, 100 * worst, "%", FORCE_THRESHOLD, NAN);
+        feel_add(&b->table, "level, mean", of, 100 * e.mean[l], "%", FORCE_THRESHOLD, goal[l]);
+        feel_add(&b->table, "level, worst", of, 100 * e.worst[l], "%", FORCE_THRESHOLD, NAN);
     }
 }
 
@@ -484,8 +412,8 @@ typedef struct {
 static script write_script(bench *b, uint32_t node, double radius, double depth) {
     script s;
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = open_contact(b->blob, &tool, 0);
-    palp_surface_point p = start_at(c, node);
+    palp_contact *c = press_open(b->blob, &tool, 0);
+    palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.5f, 0.2f, 0.7f};
     for (int i = 0; i < SCRIPT_TICKS; i++) {
         double t = i / (double)SCRIPT_TICKS, down;
@@ -495,11 +423,11 @@ static script write_script(bench *b, uint32_t node, double radius, double depth)
             along = palp_madd(along, -palp_dot(along, p.n), p.n);
             along = palp_scale(1.0f / palp_norm(along), along);
             palp_vec3 y = palp_madd(p.y, (float)(2 * b->edge_m / (0.35 * SCRIPT_TICKS)), along);
-            (void)surface_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
+            (void)press_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
         }
         s.at[i] = palp_madd(p.y, (float)(1.3 * radius - down * (0.3 * radius + depth)), p.n);
     }
-    close_contact(c);
+    press_close(c);
     return s;
 }
 
@@ -622,7 +550,7 @@ static void teleport(bench *b, double radius, double depth, double stiffness) {
     for (uint32_t i = 0; i < places; i++) {
         hand *h = open_hand(b, radius, NS_PER_OPERATION, stiffness);
         palp_contact *c = &h->answer.contact;
-        palp_surface_point p = start_at(c, b->place[i]);
+        palp_surface_point p = press_start(c, b->place[i]);
         palp_vec3 in = palp_madd(p.y, (float)(radius - depth), p.n);
         palp_vec3 out = palp_madd(p.y, (float)(1.5 * radius), p.n), slow_force = {0}, fast = {0};
         for (int k = 0; k <= 400; k++)
@@ -647,8 +575,8 @@ static void closed_paths(bench *b) {
         for (uint32_t i = 0; i < 3 && i < b->places; i++) {
             double radius = 2 * b->edge_m, depth = 0.15 * radius, work = 0, stored = 0;
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = open_contact(b->blob, &tool, l);
-            palp_surface_point p = start_at(c, b->place[i]);
+            palp_contact *c = press_open(b->blob, &tool, l);
+            palp_surface_point p = press_start(c, b->place[i]);
             palp_vec3 t = {0.3f, 0.5f, 0.8f}, before_m = {0}, before_N = {0};
             t = palp_madd(t, -palp_dot(t, p.n), p.n);
             t = palp_scale(1.0f / palp_norm(t), t);
@@ -659,7 +587,7 @@ static void closed_paths(bench *b) {
                     palp_madd(p.y, (float)(radius - depth * (1 + 0.5 * sin(2 * q))), p.n);
                 at = palp_madd(at, (float)(0.3 * radius * cos(q)), t);
                 at = palp_madd(at, (float)(0.3 * radius * sin(q)), t2);
-                hold(c, at, 1);
+                press_hold(c, at, 1);
                 if (k > ticks) {
                     palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
                     work += (double)palp_dot(mean, palp_sub(at, before_m));
@@ -669,7 +597,7 @@ static void closed_paths(bench *b) {
                 before_N = c->force_N[0];
             }
             worst = fmax(worst, work / stored); /* what the hand is given */
-            close_contact(c);
+            press_close(c);
         }
         char of[72];
         snprintf(of, sizeof of, "level %u, given to the hand over stored", l);
@@ -679,7 +607,7 @@ static void closed_paths(bench *b) {
 
 static void touch_and_release(bench *b, double radius, double depth, double stiffness) {
     hand *h = open_hand(b, radius, NS_PER_OPERATION, stiffness);
-    palp_surface_point p = start_at(&h->answer.contact, b->place[0]);
+    palp_surface_point p = press_start(&h->answer.contact, b->place[0]);
     const double speed = 0.1 / RATE_HZ;
     double first = 0, last = 0, largest = 0, pull = 0;
     palp_vec3 force = {0};

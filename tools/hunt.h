@@ -33,32 +33,32 @@ typedef struct {
 hunt_path hunt_random(dice *d);
 hunt_path hunt_mutated(hunt_path path, dice *d);
 
-/* What was done in a tick, as its report and the contact tell afterwards. */
+/* What was done in a tick. */
 typedef struct {
-    palp_rung rung;
-    uint32_t count_before, active_before, count, active, admitted, solves, pivots;
-    bool due;      /* the factor may have been made afresh */
+    uint32_t level;
+    palp_lattice_counts filled;
+    uint32_t places, points, active, iterations;
     uint64_t cost; /* by the clock of the hunt */
 } hunt_tick;
 
-/* The bound of that: the sum of its steps, each with the most candidates and contacts there were.
- */
-float hunt_bound(const palp_touch_cost *cost, const hunt_tick *tick);
+/* The bound of that: the sum of its steps. */
+float hunt_bound(const palp_contact_cost *cost, const hunt_tick *tick);
 
 typedef struct {
     const palp_blob *blob;
-    palp_node_contact_limits limits;
+    uint32_t level; /* of contact */
+    bool friction;
     palp_port port; /* its clock prices ticks; it gives no tick too little time */
-    void *memory;   /* palp_bounded_memsize */
+    void *memory;   /* palp_answer_memsize of one tool */
     size_t bytes;
-    void (*told)(void *context, const hunt_tick *tick); /* of every tick that was not cut short */
+    void (*told)(void *context, const hunt_tick *tick); /* of every tick */
     void *context;
     void (*chill)(void); /* before every tick; may be NULL */
-    palp_bounded bounded;
+    palp_answer answer;
     palp_tool tool;
 } hunter;
 
-/* Ticks along one path. False if the servo cannot be opened. */
+/* Ticks along one path. False if the answer cannot be opened. */
 bool hunt_run(hunter *h, const hunt_path *path, uint32_t ticks);
 
 #endif

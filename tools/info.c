@@ -147,6 +147,14 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
            (double)m->stiffness_max_N_per_m);
     printf("mesh SHA-256          %s\n", sha);
     printf("contact               %" PRIu32 " modes of the regular part\n", m->modes);
+    const float *off = b->regular.level_error;
+    if (off != NULL) {
+        printf("levels of contact     ");
+        for (uint32_t l = 0; l < PALP_LEVEL_ERRORS; l++)
+            printf("%s%" PRIu32 ": %.1f (%.1f)", l > 0 ? ", " : "", l, 100 * (double)off[2 * l],
+                   100 * (double)off[2 * l + 1]);
+        printf(" %% off the finest in the mean (at worst)\n");
+    }
     printf("bytes                 %zu (dense free-free block: %.0f)\n", b->bytes, dense_bytes);
 }
 

@@ -5,6 +5,7 @@
 #include "hunt.h"
 #include "machine.h"
 #include "util.h"
+#include "core/servo/bounded.h"
 #include "wcet.h"
 #include <inttypes.h>
 #include <math.h>
@@ -25,7 +26,10 @@ static const char help[] =
     "  --rate HZ         default 1000\n"
     "  --target          x86-64, x86-64-avx2, cortex-a53, cortex-m7, or a file of palp calibrate;\n"
     "                    default: what this program was built for\n"
-    "  --limits          candidates, contacts, new candidates a tick, pivots a solve (96 48 4 12)\n"
+    "  --limits          of multizone models: candidates, contacts, new candidates a tick, pivots "
+    "a "
+    "solve\n"
+    "                    (96 48 4 12)\n"
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
     "  --margin SHARE    of the period that belongs to the tick (default 0.8)\n"
@@ -52,6 +56,7 @@ static void set_option(void *context, const argument *a) {
     } else if (strcmp(a->option, "--target") == 0) {
         s->target = a->value[0];
     } else if (strcmp(a->option, "--limits") == 0) {
+        s->limited = true;
         s->limits.max_candidates = arg_u32(a, 0, 1, PALP_MAX_CANDIDATES);
         s->limits.max_active = arg_u32(a, 1, 1, s->limits.max_candidates);
         s->limits.max_new = arg_u32(a, 2, 1, s->limits.max_candidates);
@@ -87,96 +92,6 @@ static void add(wcet_table *t, const char *step, const char *counts, int level, 
 
 /* ---- one body ---- */
 
-typedef struct {
-    palp_touch_cost instructions, bytes;
-    wcet_table *table;
-    int level, outer;
-    palp_rung rung;
-} body;
-
-typedef float (*body_bound)(const palp_touch_cost *c, palp_rung rung);
-
-static float search(const palp_touch_cost *c, palp_rung r) {
-    return palp_cost_search(c, r, c->limits.max_candidates, c->limits.max_active);
-}
-static float admit(const palp_touch_cost *c, palp_rung r) {
-    return palp_cost_admit(c, r, c->limits.max_candidates - 1u, c->limits.max_active);
-}
-static float begin(const palp_touch_cost *c, palp_rung r) {
-    (void)r;
-    return palp_cost_begin(c, c->limits.max_candidates);
-}
-static float refactor(const palp_touch_cost *c, palp_rung r) {
-    (void)r;
-    return palp_cost_refactor(c, c->limits.max_active);
-}
-static float pivot(const palp_touch_cost *c, palp_rung r) {
-    (void)r;
-    return palp_cost_pivot(c, c->limits.max_candidates, c->limits.max_active);
-}
-static float couple(const palp_touch_cost *c, palp_rung r) {
-    (void)r;
-    return palp_cost_couple(c, c->limits.max_active);
-}
-static float leave(const palp_touch_cost *c, palp_rung r) {
-    (void)r;
-    return palp_cost_leave(c, c->limits.max_active);
-}
-/* Giving the next finer rung up for this one, and the least answer here. */
-static float retreat(const palp_touch_cost *c, palp_rung r) {
-    const palp_node_contact_limits l = c->limits;
-    return palp_cost_change(c, r, l.max_candidates, l.max_active) +
-           palp_cost_answer(c, l.max_candidates, l.max_active, PALP_LEAST_PIVOTS);
-}
-
-static void bound(body *b, const char *step, const char *counts, body_bound of) {
-    add(b->table, step, counts, b->level, b->outer, (double)of(&b->instructions, b->rung),
-        (double)of(&b->bytes, b->rung));
-}
-
-/* The steps that are the same on every level, then those of each rung, from coarse to fine. */
-static void tabulate(body *b, palp_ladder *ladder) {
-    char all[64], one[64];
-    const palp_node_contact_limits given = b->instructions.limits;
-    for (uint32_t r = 0; r < ladder->rungs; r++) {
-        palp_node_contact_limits l = given;
-        b->rung = ladder->at[r];
-        uint32_t nodes = (uint32_t)b->instructions.nodes[b->rung.level];
-        if (nodes < l.max_candidates) l.max_candidates = nodes;
-        if (nodes < l.max_active) l.max_active = nodes;
-        b->instructions.limits = b->bytes.limits = l;
-        snprintf(all, sizeof all, "%u candidates, %u in contact", l.max_candidates, l.max_active);
-        snprintf(one, sizeof one, "%u in contact", l.max_active);
-        b->level = (int)b->rung.level;
-        b->outer = (int)b->rung.outer;
-        bound(b, "search", all, search);
-        bound(b, "admit", all, admit);
-        bound(b, "begin", all, begin);
-        bound(b, "refactor", one, refactor);
-        bound(b, "pivot", all, pivot);
-        bound(b, "couple", one, couple);
-        bound(b, "leave", one, leave);
-        if (r + 1 < ladder->rungs) bound(b, "retreat", all, retreat);
-        bound(b, "tick", "all that the limits allow", palp_cost_full);
-    }
-    b->instructions.limits = b->bytes.limits = given;
-    b->level = b->outer = (int)ladder->at[0].level;
-    add(b->table, "least", "the least answer, which always has to fit", b->level, b->outer,
-        (double)palp_cost_least(&b->instructions), (double)palp_cost_least(&b->bytes));
-}
-
-/* Levels whose compliances contact can use. */
-static palp_ladder rungs_of(const palp_blob *blob, palp_node_contact_limits limits,
-                            const palp_tool *tool) {
-    palp_ladder l;
-    size_t bytes = palp_ladder_memsize(blob, limits);
-    void *memory = allocate_aligned(bytes, 1);
-    palp_status status = palp_ladder_init(&l, blob, blob->rest_m, tool, 1, limits, memory, bytes);
-    if (status != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(status));
-    free(memory);
-    return l;
-}
-
 static palp_tool tool_of(const wcet_spec *s, float size) {
     palp_tool t = palp_tool_sphere(size);
     if (s->tool == WCET_BALL) return t;
@@ -192,17 +107,69 @@ static palp_tool tool_of(const wcet_spec *s, float size) {
     return t;
 }
 
+/* The steps of a tick on one level of contact, and all of them. */
+typedef struct {
+    palp_contact_level level;
+    uint32_t number, points;
+} body_level;
+
+typedef float (*body_bound)(const palp_contact_cost *c, const body_level *l);
+
+static float fill(const palp_contact_cost *c, const body_level *l) {
+    return palp_contact_cost_fill(c, l->level);
+}
+static float points(const palp_contact_cost *c, const body_level *l) {
+    return palp_contact_cost_points(c, l->level, l->level.points, l->points);
+}
+static float assemble(const palp_contact_cost *c, const body_level *l) {
+    return palp_contact_cost_assemble(c, l->level, l->points);
+}
+static float iterate(const palp_contact_cost *c, const body_level *l) {
+    return palp_contact_cost_iterate(c, l->points, l->level.contacts);
+}
+static float finish(const palp_contact_cost *c, const body_level *l) {
+    return palp_contact_cost_finish(c, l->level, l->level.points, l->points, l->level.contacts);
+}
+static float servo(const palp_contact_cost *c) {
+    return palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
+}
+static float least(const palp_contact_cost *c, const body_level *l) {
+    return servo(c) + palp_answer_cost_least(c, l->number);
+}
+static float tick(const palp_contact_cost *c, const body_level *l) {
+    return servo(c) + palp_answer_cost_full(c, l->number);
+}
+
 static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
+    static const struct {
+        const char *step;
+        body_bound of;
+    } steps[] = {{"fill", fill},       {"points", points}, {"assemble", assemble},
+                 {"iterate", iterate}, {"finish", finish}, {"always", least},
+                 {"tick", tick}};
     if (palp_blob_has(blob, PALP_META_SCALAR))
         die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
+    if (blob->meta->modes == 0)
+        die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
     palp_tool tool = tool_of(s, 2 * blob->meta->mean_edge_m);
-    palp_ladder ladder = rungs_of(blob, s->limits, &tool);
-    body b = {.instructions =
-                  palp_touch_cost_of(blob, s->limits, &tool, 1, &m->target.instructions),
-              .bytes = palp_touch_cost_of(blob, s->limits, &tool, 1, &palp_bytes_touched),
-              .table = t};
-    tabulate(&b, &ladder);
-    t->ram_bytes = palp_servo_memsize(blob, s->limits);
+    tool.friction = s->limits.friction ? 0.3f : 0.0f;
+    const palp_contact_cost instructions =
+                                palp_contact_cost_of(blob, &tool, 1, &m->target.instructions),
+                            bytes = palp_contact_cost_of(blob, &tool, 1, &palp_bytes_touched);
+    for (uint32_t n = 0; n <= PALP_CONTACT_FINEST; n++) {
+        const palp_contact_level level = palp_contact_level_of(n, instructions.modes);
+        const body_level l = {level, n, palp_contact_most_points(level)};
+        char counts[64];
+        snprintf(counts, sizeof counts, "%u points, %u in contact, %u modes", l.points,
+                 level.contacts, level.modes);
+        for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++)
+            add(t, steps[i].step, counts, (int)n, (int)n, (double)steps[i].of(&instructions, &l),
+                (double)steps[i].of(&bytes, &l));
+    }
+    const body_level coarsest = {.number = 0};
+    add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
+        (double)least(&instructions, &coarsest), (double)least(&bytes, &coarsest));
+    t->ram_bytes = palp_servo_memsize(blob, PALP_CONTACT_FINEST);
     t->stack_bytes = PALP_SERVO_STACK;
 }
 
@@ -324,18 +291,14 @@ static double time_us(const machine *m, const wcet_row *r) {
            (r->instructions * (double)m->ns_per_instruction + r->bytes * (double)m->ns_per_byte);
 }
 
-/* The finest level on which a tick always does all that its limits allow, with what is kept back
- * for giving it up; -1 if on none. */
-static int finest_in_time(const wcet_table *t, const machine *m, double budget_us) {
+/* The finest level whose `step` is in time; -1 if none is. */
+static int finest_in_time(const wcet_table *t, const machine *m, const char *step,
+                          double budget_us) {
     int finest = -1;
-    double kept_us = 0, below_us = 0; /* retreat to the rung before this one; to this one */
     for (size_t i = 0; i < t->rows; i++) {
         const wcet_row *r = &t->row[i];
-        if (strcmp(r->step, "retreat") == 0) below_us = time_us(m, r);
-        if (strcmp(r->step, "tick") != 0) continue;
-        if (r->outer == r->level && r->level > finest && time_us(m, r) + kept_us <= budget_us)
+        if (strcmp(r->step, step) == 0 && r->level > finest && time_us(m, r) <= budget_us)
             finest = r->level;
-        kept_us = below_us;
     }
     return finest;
 }
@@ -384,7 +347,12 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
         printf("fits: an answer is always in time; with all that the limits allow it may be cut "
                "short on every level\n");
     } else {
-        printf("fits: an answer is always in time, and whole up to level %d\n", finest);
+        int always = finest_in_time(t, m, "always", s->margin * period_us);
+        if (always > finest)
+            printf("fits: an answer is always in time up to level %d, and whole up to level %d\n",
+                   always, finest);
+        else
+            printf("fits: an answer is always in time, and whole up to level %d\n", finest);
     }
 }
 
@@ -414,12 +382,13 @@ int command_wcet(int argc, char **argv) {
         bound_tets(&s, &m, data, bytes, &t);
     } else {
         palp_blob blob = open_blob(s.blob, data, bytes);
+        if (s.limited) warn("--limits: left aside: contact with one body has levels instead");
         if (s.replay != NULL) return wcet_replay(&s, &m, &blob);
         bound_body(&s, &m, &blob, &t);
         if (s.hunt_s > 0) wcet_hunt(&s, &m, &blob);
     }
     double budget_us = s.margin * 1e6 / s.rate_hz;
     bool fits = time_us(&m, &t.row[t.rows - 1]) <= budget_us;
-    (s.json ? print_json : print_text)(&s, &m, &t, finest_in_time(&t, &m, budget_us), fits);
+    (s.json ? print_json : print_text)(&s, &m, &t, finest_in_time(&t, &m, "tick", budget_us), fits);
     return EXIT_SUCCESS;
 }

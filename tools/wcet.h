@@ -10,15 +10,15 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 typedef struct {
     const char *blob, *target, *keep, *replay;
     double rate_hz, margin, hunt_s;
-    palp_node_contact_limits limits;
+    palp_node_contact_limits limits; /* of multizone models; friction: of all */
+    bool limited;                    /* they were given */
     wcet_tool tool;
     bool json;
 } wcet_spec;
 
 typedef struct {
     char step[12], counts[64];
-    int level,
-        outer; /* of the constraint hierarchy, of seams, or of meshes; -1: approximate seams */
+    int level, outer; /* of contact, of seams, or of meshes; -1: approximate seams */
     double instructions, bytes;
 } wcet_row;
 
@@ -28,8 +28,8 @@ typedef struct {
     size_t ram_bytes, stack_bytes;
 } wcet_table;
 
-/* Looks for the dearest tick on each rung for so many seconds and says on stderr how near it comes
- * to the bound of its limits; writes its path to spec->keep. */
+/* Looks for the dearest tick on each level for so many seconds and says on stderr how near it comes
+ * to the bound; writes its path to spec->keep. */
 void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob);
 /* Goes along a kept path and prints a line per tick. Returns the exit code. */
 int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob);

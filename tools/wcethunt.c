@@ -12,7 +12,7 @@
 #define TICKS 200
 #define CHILL_BYTES (32u << 20)
 
-/* The dearest tick of a rung, by the prices of the target, and how long it took here. */
+/* The dearest tick of a level, by the prices of the target, and how long it took here. */
 typedef struct {
     hunt_tick tick;
     double instructions;
@@ -20,13 +20,11 @@ typedef struct {
 } dearest;
 
 typedef struct {
-    palp_touch_cost cost;
-    dearest of[2 * PALP_MAX_LEVELS];
-    double full[2 * PALP_MAX_LEVELS]; /* what the limits of a rung allow; 0: not known yet */
-    double best;                      /* of the path under way, on the finest rung */
-    double longest_ns;                /* of any of its ticks, by the clock */
-    const hunt_path *path;            /* under way */
-    uint32_t finest;
+    palp_contact_cost cost;
+    dearest of[PALP_CONTACT_LEVELS];
+    double best;           /* of the path under way */
+    double longest_ns;     /* of any of its ticks, by the clock */
+    const hunt_path *path; /* under way */
     bool print;
     uint64_t ticks;
 } hunting;
@@ -38,40 +36,38 @@ static uint64_t clock_ns(void *context) {
 
 static void told(void *context, const hunt_tick *tick) {
     hunting *h = context;
-    uint32_t at = 2u * tick->rung.level + (tick->rung.outer < tick->rung.level);
-    if (!(h->full[at] > 0)) h->full[at] = (double)palp_cost_full(&h->cost, tick->rung);
-    double instructions = fmin((double)hunt_bound(&h->cost, tick), h->full[at]);
+    double instructions = (double)hunt_bound(&h->cost, tick);
     h->ticks++;
     h->longest_ns = fmax(h->longest_ns, (double)tick->cost);
+    h->best = fmax(h->best, instructions);
     if (h->print)
-        printf("%" PRIu64 ",%u,%u,%u,%u,%u,%u,%u,%.0f\n", h->ticks - 1, tick->rung.level,
-               tick->rung.outer, tick->count, tick->active, tick->admitted, tick->solves,
-               tick->pivots, instructions);
-    if (at == h->finest) h->best = fmax(h->best, instructions);
-    if (instructions <= h->of[at].instructions) return;
-    h->of[at] = (dearest){*tick, instructions, *h->path};
+        printf("%" PRIu64 ",%u,%u,%u,%u,%u,%.0f\n", h->ticks - 1, tick->level,
+               tick->filled.fillings, tick->points, tick->active, tick->iterations, instructions);
+    if (instructions > h->of[tick->level].instructions)
+        h->of[tick->level] = (dearest){*tick, instructions, *h->path};
 }
 
 static hunter *make_hunter(const wcet_spec *s, const machine *m, const palp_blob *blob,
                            hunting *state) {
     hunter *h = allocate(1, sizeof *h);
-    palp_tool ball = palp_tool_sphere(blob->meta->mean_edge_m);
+    palp_tool ball = palp_tool_sphere(6.5f * blob->meta->mean_edge_m); /* the largest there is */
+    ball.friction = s->limits.friction ? 0.3f : 0.0f;
     *h = (hunter){.blob = blob,
-                  .limits = s->limits,
+                  .level = PALP_CONTACT_FINEST,
+                  .friction = s->limits.friction,
                   .port = {.now_ns = clock_ns},
-                  .bytes = palp_bounded_memsize(blob, s->limits),
+                  .bytes = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST),
                   .told = told,
                   .context = state};
     h->memory = allocate_aligned(h->bytes, 1);
-    state->cost = palp_touch_cost_of(blob, s->limits, &ball, 1, &m->target.instructions);
-    state->finest = 2u * blob->meta->constraint_level;
+    state->cost = palp_contact_cost_of(blob, &ball, 1, &m->target.instructions);
     return h;
 }
 
 static void run(hunter *h, hunting *state, const hunt_path *path) {
     state->path = path;
     state->best = 0;
-    if (!hunt_run(h, path, TICKS)) die(EXIT_WORK, "the limits are unsound for this blob");
+    if (!hunt_run(h, path, TICKS)) die(EXIT_WORK, "the body cannot be touched: bake it again");
 }
 
 static void keep_path(const char *file, const dearest *d) {
@@ -95,29 +91,31 @@ void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
     hunting *state = allocate(1, sizeof *state);
     hunter *h = make_hunter(spec, m, blob, state);
     dice d = {1};
-    double until = now_s() + spec->hunt_s, most = 0;
+    const double each_s = spec->hunt_s / (PALP_CONTACT_FINEST + 1);
     hunt_path best = hunt_random(&d);
     uint32_t paths = 0;
-    for (; paths == 0 || now_s() < until; paths++) {
-        hunt_path p = paths % 3 == 0 ? hunt_random(&d) : hunt_mutated(best, &d);
-        run(h, state, &p);
-        if (state->best <= most) continue;
-        most = state->best;
-        best = p;
+    for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++) {
+        double until = now_s() + each_s, most = 0;
+        h->level = l;
+        for (uint32_t i = 0; i == 0 || now_s() < until; i++, paths++) {
+            hunt_path p = i % 3 == 0 ? hunt_random(&d) : hunt_mutated(best, &d);
+            run(h, state, &p);
+            if (state->best <= most) continue;
+            most = state->best;
+            best = p;
+        }
     }
     fprintf(stderr,
             "hunted %" PRIu64 " ticks on %u paths; what was done, at the target's prices:\n",
             state->ticks, paths);
-    for (uint32_t at = 0; at < 2 * PALP_MAX_LEVELS; at++) {
-        const dearest *w = &state->of[at];
-        if (!(w->instructions > 0)) continue;
-        double bound = state->full[at];
+    for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++) {
+        const dearest *w = &state->of[l];
+        double bound = (double)palp_answer_cost_full(&state->cost, l);
         fprintf(stderr,
-                "  level %u/%u: %.0f of at most %.0f instructions (%.2f): %u candidates, %u in "
-                "contact, %u taken in, %u pivots in %u solves\n",
-                w->tick.rung.level, w->tick.rung.outer, w->instructions, bound,
-                w->instructions / bound, w->tick.count, w->tick.active, w->tick.admitted,
-                w->tick.pivots, w->tick.solves);
+                "  level %u: %.0f of at most %.0f instructions (%.2f): %u fillings, %u points, %u "
+                "in contact, %u iterations\n",
+                l, w->instructions, bound, w->instructions / bound, w->tick.filled.fillings,
+                w->tick.points, w->tick.active, w->tick.iterations);
     }
     state->longest_ns = 0;
     run(h, state, &best);
@@ -130,7 +128,7 @@ void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
             "  the dearest path again on this machine: longest tick %.0f us, with caches filled by "
             "other data before every tick %.0f us (measured, no bound)\n",
             warm * 1e-3, state->longest_ns * 1e-3);
-    if (spec->keep != NULL) keep_path(spec->keep, &state->of[state->finest]);
+    if (spec->keep != NULL) keep_path(spec->keep, &state->of[PALP_CONTACT_FINEST]);
     free(other);
     free(h->memory);
     free(h);
@@ -173,7 +171,7 @@ int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob) 
     hunting *state = allocate(1, sizeof *state);
     hunter *h = make_hunter(spec, m, blob, state);
     state->print = true;
-    printf("tick,level,outer,candidates,active,admitted,solves,pivots,instructions_max\n");
+    printf("tick,level,fillings,points,active,iterations,instructions_max\n");
     run(h, state, &path);
     free(h->memory);
     free(h);

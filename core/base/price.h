@@ -96,10 +96,11 @@
     X(SHOT, "shot", "one place of a lattice looked at")                                            \
     X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \
     X(POINT, "point", "a contact point: what it asks, its share of the answer")                    \
-    X(MODE_AT, "mode_at", "one mode at a point or a corner")                                       \
+    X(MODE_AT, "mode_at", "one mode at a point")                                                   \
     X(COMPLIANCE, "compliance", "one compliance of the half-space")                                \
     X(MODE_PAIR, "mode_pair", "one mode in it")                                                    \
     X(CORNER, "corner", "one corner of the points' triangles")                                     \
+    X(CORNER_MODE, "corner_mode", "one mode at a corner")                                          \
     X(DISPLACE, "displace", "one force at one point, or its gradient")                             \
     X(FOLLOW, "follow", "derivatives of one place of a lattice")                                   \
     X(ITERATION, "iteration", "a change of the active set")                                        \

@@ -256,6 +256,8 @@ static void read_regular(palp_reader *r, palp_blob *b) {
     v->value = palp_reader_floats(r, PALP_SEC_MODE_VALUE, m->modes, 1);
     v->vector =
         palp_reader_section(r, PALP_SEC_MODE, (uint64_t)m->nodes * 3u * m->modes, sizeof(int16_t));
+    if (palp_reader_has(r, PALP_SEC_LEVEL_ERROR))
+        v->level_error = palp_reader_floats(r, PALP_SEC_LEVEL_ERROR, PALP_LEVEL_ERRORS, 2);
     if (r->status != PALP_OK) return;
     for (uint32_t t = 0; t < m->triangles; t++) {
         for (uint32_t k = 0; k < 3u; k++)

@@ -89,6 +89,9 @@ typedef struct {
     const uint32_t *triangle; /* [nodes] one of the triangles of each node */
     const float *value;       /* [modes] m/N */
     const int16_t *vector;    /* [nodes][3][modes] */
+    /* [PALP_LEVEL_ERRORS][2] of the force on each level of contact against the finest, mean and
+     * worst of the presses that bake made; NULL: not measured */
+    const float *level_error;
 } palp_regular;
 
 typedef struct {

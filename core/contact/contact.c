@@ -4,6 +4,8 @@
 #include "core/contact/contact_internal.h"
 
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
+#define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
+#define MOST_SHARE 2.0f
 #define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
 
 /* ---- life ---- */
@@ -93,7 +95,8 @@ void palp_contact_clear(palp_contact *contact) {
         palp_lattice_clear(&c->table[t]);
         palp_lattice_clear(&c->table_before[t]);
         c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
-        c->normal_N[t] = c->given_m[t] = 0.0f;
+        c->normal_N[t] = c->pressed_m2[t] = 0.0f;
+        c->given[t] = (palp_given){.mean_m = {0}};
     }
     c->count = c->places = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
@@ -200,6 +203,18 @@ static void linearise(palp_contact *c, uint32_t i) {
     c->work_done += 120u + 9u * c->level.modes;
 }
 
+/* What the body as a whole gives way grows with the force, and the force with the depth as in
+ * Hertz' law: by 3/2 F dx / (work F dx is done against), from where the tool came to rest. */
+static float foreseen_share(const palp_contact *c, uint32_t t) {
+    float all = 0.0f;
+    for (uint32_t k = 0; k < c->tool_count; k++) all += c->normal_N[k];
+    if (!(c->energy_J > 0.0f) || !(c->normal_N[t] > 0.0f)) return 0.0f;
+    palp_vec3 moved = palp_sub(c->tool_m[t], c->rest_m[t]);
+    float energy = c->energy_J * c->normal_N[t] / all;
+    return palp_clamp(1.0f - 0.6f * palp_dot(c->force_N[t], moved) / energy, LEAST_SHARE,
+                      MOST_SHARE);
+}
+
 void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring) {
     palp_contact *c = contact;
@@ -208,12 +223,14 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     forget_nodes(c);
     bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
     c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.01f * c->crowd, 1.0f);
-    c->flags = c->row = c->iterations = 0;
+    c->flags = c->row = c->iterations = c->most_active = 0;
+    c->filled = (palp_lattice_counts){.fillings = 0};
     c->filling = c->fillings = c->first = 0;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->tool_m[t] = tool_m[t];
         c->spring[t] = spring[t];
     }
+    c->given_share = foreseen_share(c, 0);
 }
 
 /* The present tool's lattice is as it should be. */
@@ -221,6 +238,7 @@ static void next_tool(palp_contact *c) {
     c->filling++;
     c->fillings = 0;
     c->first = c->places;
+    if (c->filling < c->tool_count) c->given_share = foreseen_share(c, c->filling);
 }
 
 bool palp_contact_may_skip(const palp_contact *contact) {
@@ -229,29 +247,40 @@ bool palp_contact_may_skip(const palp_contact *contact) {
 
 void palp_contact_skip(palp_contact *contact) { next_tool(contact); }
 
+static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) {
+    return (palp_lattice_counts){a.fillings + b.fillings, a.around + b.around,
+                                 a.evaluations + b.evaluations, a.shots + b.shots,
+                                 a.crossings + b.crossings};
+}
+
 bool palp_contact_fill(palp_contact *contact) {
     palp_contact *c = contact;
     const uint32_t t = c->filling;
     if (t >= c->tool_count) return false;
-    const palp_lattice_room room = {.surface = &c->surface,
-                                    .tool = &c->tools[t],
-                                    .number = t,
-                                    .tool_m = c->tool_m[t],
-                                    .cells = (float)c->level.cells * c->crowd,
-                                    .given_m = c->given_m[t],
-                                    .point = c->point,
-                                    .count = &c->places,
-                                    .most = c->level.points,
-                                    .before = c->before,
-                                    .count_before = c->count_before,
-                                    .table = &c->table[t],
-                                    .done = &c->done};
+    const palp_lattice_room room = {
+        .surface = &c->surface,
+        .tool = &c->tools[t],
+        .number = t,
+        .tool_m = c->tool_m[t],
+        .cells = (float)c->level.cells * c->crowd,
+        .given = palp_given_times(&c->given[t], c->given_share),
+        .pressed_m2 = c->level.stride > 1u ? 0.0f : c->pressed_m2[t], /* few points cannot tell */
+        .point = c->point,
+        .count = &c->places,
+        .most = c->level.points,
+        .before = c->before,
+        .count_before = c->count_before,
+        .table = &c->table[t],
+        .done = &c->done};
     c->done = (palp_lattice_counts){.fillings = 0};
     uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);
+    c->filled = sum_of(c->filled, c->done);
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
                     60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings;
     bool again = (flags & PALP_LATTICE_MOVED) != 0u && ++c->fillings < PALP_LATTICE_FILLINGS;
+    if (c->places == c->first) /* nothing there: the body has come back meanwhile */
+        c->given_share = c->fillings == 1u ? 0.5f * c->given_share : 0.0f;
     if (!again) {
         if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;
         next_tool(c);
@@ -347,14 +376,48 @@ bool palp_contact_iterate(palp_contact *contact) {
         return false;
     }
     factor_active(c);
+    if (c->active_count > c->most_active) c->most_active = c->active_count;
     return change_active(c, c->iterations++ >= BLOCK_CHANGES) > 0u;
+}
+
+/* The displacement by the modes around a tool's forces. */
+static palp_given given_to(const palp_contact *c, uint32_t t) {
+    palp_given_sums sums = {.weight = 0.0f};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const uint32_t i = c->active[a];
+        const palp_contact_point *p = &c->point[i];
+        if (p->tool != t) continue;
+        palp_vec3 h = {0};
+        for (uint32_t k = 0; k < 3u; k++)
+            h = palp_madd(h, p->at.weight[k], c->node_u_m[c->corner[i][k]]);
+        palp_given_add(&sums, p->force_N, palp_sub(p->at.y, c->tool_m[t]), h);
+    }
+    return palp_given_fit(&sums, c->tool_m[t]);
+}
+
+/* Area of the cells that press; those with less than half of the mean force count in part, so that
+ * none comes or goes at once. */
+static float pressed_by(const palp_contact *c, uint32_t t) {
+    float count = 0.0f, sum = 0.0f;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        if (c->point[c->active[a]].tool == t && c->point[c->active[a]].force_N > 0.0f)
+            count += 1.0f;
+    }
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_contact_point *p = &c->point[c->active[a]];
+        float cell = palp_contact_cell(c, p);
+        if (p->tool == t && p->force_N > 0.0f)
+            sum += PALP_LATTICE_CELL * cell * cell *
+                   palp_min(2.0f * count * p->force_N / c->normal_N[t], 1.0f);
+    }
+    return sum;
 }
 
 void palp_contact_finish(palp_contact *contact) {
     palp_contact *c = contact;
     palp_vec3 push[PALP_CONTACT_TOOLS] = {{0}};
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->normal_N[t] = c->given_m[t] = 0.0f;
+        c->normal_N[t] = 0.0f;
         c->beyond_N[t] = (palp_vec3){0};
     }
     for (uint32_t i = 0; i < c->count; i++) c->point[i].force_N = 0.0f;
@@ -373,16 +436,16 @@ void palp_contact_finish(palp_contact *contact) {
         palp_contact_point *p = &c->point[i];
         p->u_m = palp_contact_displacement(c, i);
         c->energy_J += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
-        for (uint32_t k = 0; k < 3u; k++)
-            c->given_m[p->tool] +=
-                p->force_N * p->at.weight[k] * palp_dot(p->m, c->node_u_m[c->corner[i][k]]);
+    }
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        c->given[t] = given_to(c, t);
+        c->pressed_m2[t] = pressed_by(c, t);
     }
     palp_contact_exact(c, c->beyond_N);
     for (uint32_t t = 0; t < c->tool_count; t++) {
         const palp_contact_spring *s = &c->spring[t];
         float beyond = palp_norm(c->beyond_N[t]), most = PALP_CONTACT_BEYOND * palp_norm(push[t]);
         if (beyond > most) c->beyond_N[t] = palp_scale(most / beyond, c->beyond_N[t]);
-        if (c->normal_N[t] > 0.0f) c->given_m[t] = palp_max(c->given_m[t] / c->normal_N[t], 0.0f);
         c->force_N[t] = palp_add(push[t], c->beyond_N[t]);
         c->rest_m[t] = s->held_m;
         if (s->stiffness_N_per_m > 0.0f)

@@ -64,7 +64,7 @@ typedef struct {
     uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */
     uint32_t modes;
 } palp_contact_level;
-#define PALP_CONTACT_LEVELS 6u
+#define PALP_CONTACT_LEVELS PALP_LEVEL_ERRORS
 #define PALP_CONTACT_FINEST 4u        /* by default */
 #define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 PALP_CONTACT_MAX_POINTS */
 
@@ -97,7 +97,9 @@ typedef struct {
     palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
     palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
     float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
-    float given_m[PALP_CONTACT_TOOLS];      /* mean displacement by the modes, along the forces */
+    palp_given given[PALP_CONTACT_TOOLS];   /* by the body as a whole, in the last tick */
+    float pressed_m2[PALP_CONTACT_TOOLS];   /* area that pressed */
+    float given_share;                      /* of it, that the tool under way is taken to meet */
     float energy_J;                         /* f C f / 2 */
     float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t *node;      /* [3 room] corners of the points' triangles, each once */
@@ -114,8 +116,9 @@ typedef struct {
     float *target, *lambda, *scratch; /* [room] */
     uint32_t *active;                 /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
+    uint32_t most_active;              /* points in contact at a time, during the iterations */
     uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */
-    palp_lattice_counts done;          /* by the last filling */
+    palp_lattice_counts done, filled;  /* by the last filling; by all of this tick */
     uint64_t work_done;
 } palp_contact;
 

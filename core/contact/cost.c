@@ -64,13 +64,13 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level) {
     const uint32_t looks = PALP_LATTICE_LOOKS(level.points), nodes = (uint32_t)cost->nodes;
-    return (palp_lattice_counts){.fillings = 2u,
-                                 .around = 2u * (nodes + (uint32_t)cost->rows),
-                                 .evaluations = 2u * nodes + looks +
-                                                2u * PALP_LATTICE_RINGS * (uint32_t)cost->ring +
-                                                12u * PALP_LATTICE_FEET + 1u,
-                                 .shots = looks + 8u * PALP_LATTICE_FEET,
-                                 .crossings = 2u * PALP_LATTICE_CROSSINGS(level.points)};
+    return (palp_lattice_counts){
+        .fillings = 2u,
+        .around = 2u * (nodes + (uint32_t)cost->rows),
+        .evaluations = 2u * nodes + looks + 2u * PALP_LATTICE_RINGS * (uint32_t)cost->ring +
+                       12u * PALP_LATTICE_FEET + 1u,
+        .shots = looks + 8u * PALP_LATTICE_FEET,
+        .crossings = PALP_LATTICE_MEASURE + PALP_LATTICE_CROSSINGS(level.points)};
 }
 
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {
@@ -106,7 +106,7 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t places, uint32_t count, uint32_t active) {
     const float n = (float)count, a = (float)active, modes = (float)level.modes;
-    const float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, MODE_AT));
+    const float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
     float sum = n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
                 (float)places * (PRICE(cost, FOLLOW) + cost->evaluation) +

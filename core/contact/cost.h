@@ -49,8 +49,8 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
 /* palp_contact_finish: count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + places (FOLLOW + EVALUATION)
- * + 3 count (CORNER + modes MODE_AT) + a modes MODE_AT; with friction + 2 (a (POINT + modes
- * MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes MODE_AT)) */
+ * + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction + 2 (a (POINT + modes
+ * MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes CORNER_MODE)) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t places, uint32_t count, uint32_t active);
 

@@ -83,7 +83,7 @@ enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
 
 /* Whether a lattice has that parameter now. */
 static bool is_free(const palp_lattice_state *s, bool central, bool flat, uint32_t parameter) {
-    if (parameter == BACK) return s->deep;
+    if (parameter == BACK) return s->back_m > 0.0f;
     if (parameter == SPACING) return true;
     if (parameter >= ORIGIN) return !central;
     return !flat;
@@ -104,7 +104,8 @@ typedef struct {
 /* What does not depend on the move: derivatives at a point. */
 typedef struct {
     float dy_dq[9], dn_dq[9];
-    palp_vec3 facet, out; /* facet over its slant to the shot; the drawn-back tool's normal */
+    palp_vec3 facet;       /* over its slant to the shot */
+    palp_vec3 out, out_at; /* gradients of the gap, of the tool's place and of the point's */
 } point_slopes;
 
 static palp_vec3 times(const float m[9], palp_vec3 v) {
@@ -127,8 +128,12 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     palp_vec3 normal = palp_cross(palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[1]), x0),
                                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
-    palp_vec3 drawn = palp_madd(c->tool_m[p->tool], -l->used.back_m, l->used.axis);
-    z.out = palp_tool_gap(&c->tools[p->tool], drawn, p->at.y).normal;
+    const palp_given *given = &l->used.given;
+    palp_vec3 drawn = palp_sub(c->tool_m[p->tool], given->mean_m);
+    drawn = palp_madd(drawn, -l->used.back_m, l->used.axis);
+    palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y));
+    z.out = palp_tool_gap(&c->tools[p->tool], drawn, y).normal;
+    z.out_at = palp_add(z.out, palp_given_turned_back(given, z.out));
     return z;
 }
 
@@ -144,7 +149,7 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
     float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
     d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
     if (central) d.cell += p->cell_m * length / p->shot_m;
-    d.overlap = -palp_dot(z->out, palp_sub(d.y, tool));
+    d.overlap = palp_dot(z->out, tool) - palp_dot(z->out_at, d.y);
     return d;
 }
 
@@ -230,15 +235,18 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
             palp_vec3 own = k >= 3u + ORIGIN && k < 3u + ORIGIN + 2u ? s->tangent[k - 3u - ORIGIN]
                             : k < 3u                                 ? tool
                                      : palp_cross(about, s->origin_m);
-            r[ORIGIN + e] = palp_dot(palp_madd(f->dtoward[k], -f->s0, own), s->tangent[e]) +
-                            palp_dot(f->toward, turn);
+            palp_vec3 kept = k < 3u ? (palp_vec3){0} : own; /* of the origin itself */
+            kept = palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0, kept);
+            palp_vec3 change = palp_scale(1.0f - s->fixed, palp_madd(f->dtoward[k], -f->s0, own));
+            r[ORIGIN + e] = palp_dot(palp_madd(change, -s->fixed, kept), s->tangent[e]) +
+                            (1.0f - s->fixed) * palp_dot(f->toward, turn);
         }
     }
     r[SPACING] =
-        2.0f / 3.0f *
+        (1.0f - s->fixed) * 2.0f / 3.0f *
             (2.0f * f->s0 * f->d0[k] / f->s1 - f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
         cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
-    r[BACK] = s->deep ? f->ddeepest[k] : 0.0f;
+    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] : 0.0f;
 }
 
 /* Adds Q_p dp/dc. */
@@ -301,8 +309,9 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
     if (i < c->count && p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
-    palp_vec3 off =
-        central ? p->direction : palp_sub(p->at.q, palp_add(c->tool_m[p->tool], l->used.origin_m));
+    const palp_vec3 moved = palp_sub(c->tool_m[p->tool], l->used.given.mean_m);
+    const palp_vec3 origin = palp_add(moved, l->used.origin_m);
+    palp_vec3 off = central ? p->direction : palp_sub(p->at.q, origin);
     float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
     bool deepest = p->overlap_m > f->deepest;
     f->s0 += w;

@@ -2,10 +2,9 @@
 #include "lattice.h"
 
 #define DEPTH 0.7f  /* overlap of the drawn-back tool at most, over its size */
-#define GIVEN 0.8f  /* of the depth: drawn back at most for what the body gives as a whole */
-#define APART 0.75f /* length of the mean direction below which a lattice is not drawn back */
-#define TOGETHER 0.9f
-#define UPRIGHT 300u /* fillings */
+#define AROUND 1.4f /* overlap that is wanted over what presses; twice where all is plain */
+#define COVERS 0.4f /* share of a pad's face from which a lattice begins to keep to its middle */
+#define COVERED 0.8f
 #define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
 #define MARGIN 0.6f  /* edges beyond the tool within which nodes lead to regions */
 #define FACING 0.15f /* cosine between shot and surface below which no point is taken */
@@ -56,7 +55,7 @@ void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t
 typedef struct {
     palp_lattice *l;
     const palp_lattice_room *r;
-    palp_vec3 drawn_back_m; /* the tool's reference point */
+    palp_vec3 moved_m, drawn_back_m; /* the tool's reference point, seen from the moved surface */
     bool central;
     uint32_t first;                         /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet; /* left in this filling */
@@ -64,6 +63,12 @@ typedef struct {
     float gap_m, area_m2;                   /* of measure_node */
     palp_surface_point deepest;
 } filling;
+
+/* The gap at a point of the surface, as the body as a whole has moved it. */
+static palp_gap gap_of(const filling *f, palp_vec3 y) {
+    return palp_tool_gap(f->r->tool, f->drawn_back_m,
+                         palp_add(y, palp_given_beside(&f->l->at.given, y)));
+}
 
 static palp_vec3 direction_of(const filling *f, float a, float b) {
     const palp_lattice *l = f->l;
@@ -78,7 +83,7 @@ static palp_vec3 direction_of(const filling *f, float a, float b) {
 /* Where in the lattice's map a point of the surface lies; false at its back. */
 static bool map(const filling *f, palp_vec3 y, float *a, float *b) {
     const palp_lattice *l = f->l;
-    palp_vec3 r = palp_sub(y, palp_add(f->r->tool_m, l->at.origin_m));
+    palp_vec3 r = palp_sub(y, palp_add(f->moved_m, l->at.origin_m));
     float scale = 1.0f;
     if (f->central) {
         float length = palp_norm(r), up = length > 0.0f ? palp_dot(r, l->at.axis) / length : -1.0f;
@@ -100,7 +105,7 @@ float palp_lattice_cell_slope(const palp_contact_point *p) {
  * to touch. */
 static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
     const palp_lattice *l = f->l;
-    palp_vec3 from = palp_add(f->r->tool_m, l->at.origin_m);
+    palp_vec3 from = palp_add(f->moved_m, l->at.origin_m);
     p->direction = direction_of(f, a, b);
     if (!f->central) {
         from = palp_madd(from, a, l->at.tangent[0]);
@@ -111,7 +116,7 @@ static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
     if (!palp_surface_shoot(f->r->surface, from, p->direction, &f->crossings, &p->at)) return false;
     p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
     p->facing = -palp_dot(p->at.n, p->direction);
-    palp_gap gap = palp_tool_gap(f->r->tool, f->drawn_back_m, p->at.y);
+    palp_gap gap = gap_of(f, p->at.y);
     p->overlap_m = -gap.gap_m;
     if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;
     if (palp_dot(gap.normal, p->at.n) >= 0.0f) return false;
@@ -209,7 +214,7 @@ static bool find_foot(filling *f, palp_surface_point *p) {
     if (f->feet == 0u) return false;
     f->feet--;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_gap gap = palp_tool_gap(r->tool, from, p->y);
+        palp_gap gap = gap_of(f, p->y);
         d = k == 0u ? gap.normal : palp_scale(-1.0f, p->n);
         palp_vec3 at = palp_lattice_is_central(r->tool) ? palp_add(from, r->tool->ball[0].center_m)
                                                         : palp_madd(p->y, -gap.gap_m, gap.normal);
@@ -218,7 +223,7 @@ static bool find_foot(filling *f, palp_surface_point *p) {
         if (!palp_surface_shoot(r->surface, at, d, &f->crossings, p)) return false;
     }
     r->done->evaluations++;
-    return palp_dot(palp_tool_gap(r->tool, from, p->y).normal, p->n) < 0.0f;
+    return palp_dot(gap_of(f, p->y).normal, p->n) < 0.0f;
 }
 
 static palp_surface_point point_at_node(const palp_surface *s, uint32_t node) {
@@ -257,7 +262,7 @@ static bool is_deepest(filling *f, uint32_t node, float gap_m) {
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
         r->done->evaluations++;
-        if (palp_tool_gap(r->tool, f->drawn_back_m, x).gap_m < gap_m) return false;
+        if (gap_of(f, x).gap_m < gap_m) return false;
     }
     return true;
 }
@@ -274,7 +279,7 @@ static void measure_node(filling *f, uint32_t node, float gap_m) {
     float least = gap_m;
     if (find_foot(f, &p)) {
         f->r->done->evaluations++;
-        least = palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m;
+        least = gap_of(f, p.y).gap_m;
     } else {
         p = point_at_node(f->r->surface, node);
     }
@@ -294,15 +299,18 @@ static void seek_region(filling *f, uint32_t node, float gap_m) {
     if (!is_deepest(f, node, gap_m)) return;
     if (!find_foot(f, &p) || is_known(f, p.y)) return;
     f->r->done->evaluations++;
-    if (palp_tool_gap(f->r->tool, f->drawn_back_m, p.y).gap_m >= 0.0f) return;
+    if (gap_of(f, p.y).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
 }
 
 static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
+    const palp_vec3 moved = palp_sub(r->tool_m, r->given.mean_m);
+    l->at.given = r->given;
     l->used = l->at;
     *f = (filling){.l = l,
                    .r = r,
-                   .drawn_back_m = palp_madd(r->tool_m, -l->at.back_m, l->at.axis),
+                   .moved_m = moved,
+                   .drawn_back_m = palp_madd(moved, -l->at.back_m, l->at.axis),
                    .central = palp_lattice_is_central(r->tool),
                    .first = first,
                    .looks = PALP_LATTICE_LOOKS(r->most),
@@ -333,7 +341,7 @@ static void visit_nodes(filling *f, purpose of) {
                 palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
                 r->done->around++;
                 if (palp_dot(v, v) > reach * reach) continue;
-                palp_gap gap = palp_tool_gap(r->tool, c, palp_add(c, v));
+                palp_gap gap = gap_of(f, palp_add(c, v));
                 r->done->evaluations++;
                 if (gap.gap_m > margin) continue;
                 if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
@@ -381,20 +389,21 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     l->placed = false;
     l->at.back_m = 0.0f;
     start_filling(&a, l, r, *r->count);
+    a.crossings = PALP_LATTICE_MEASURE;
     visit_nodes(&a, MEASURE);
     r->done->fillings++;
-    r->done->crossings += PALP_LATTICE_CROSSINGS(r->most) - a.crossings;
+    r->done->crossings += PALP_LATTICE_MEASURE - a.crossings;
     if (!(a.gap_m < 0.0f)) return false;
     float size = palp_tool_size(r->tool), depth = -a.gap_m;
-    palp_vec3 c = palp_add(r->tool_m, center_of(r->tool));
+    palp_vec3 c = palp_add(a.moved_m, center_of(r->tool));
     r->done->evaluations++;
-    palp_gap gap = palp_tool_gap(r->tool, r->tool_m, a.deepest.y);
+    palp_gap gap = gap_of(&a, a.deepest.y);
     if (palp_lattice_is_central(r->tool)) {
         set_axis(l, palp_sub(a.deepest.y, c));
         set_origin(l, r->tool);
     } else {
         set_axis(l, palp_lattice_is_flat(r->tool) ? r->tool->pad.axis[2] : gap.normal);
-        l->at.origin_m = palp_sub(a.deepest.y, r->tool_m);
+        l->at.origin_m = palp_sub(a.deepest.y, a.moved_m);
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
@@ -402,13 +411,38 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     float cell = palp_sqrt(wanted_cell2(r, area_m2));
     l->at.spacing = cell;
     if (palp_lattice_is_central(r->tool)) {
-        float distance = palp_norm(palp_sub(a.deepest.y, palp_add(r->tool_m, l->at.origin_m)));
+        float distance = palp_norm(palp_sub(a.deepest.y, palp_add(a.moved_m, l->at.origin_m)));
         l->at.spacing = palp_min(cell / palp_max(distance, 0.1f * size), 0.8f);
     }
     l->seeds = 1;
     l->seed[0] = a.deepest;
     l->placed = true;
     return true;
+}
+
+static float face_m2(const palp_tool *tool) {
+    return 4.0f * tool->pad.half_m[0] * tool->pad.half_m[1];
+}
+
+/* How far the lattice keeps to the middle and the size of a pad. Where a face lies on the body as a
+ * whole, what overlaps ends with the face: its mean place jumps as points come in at one side and
+ * go out at the other, with the spacing after them, and a lattice that followed would go to and
+ * fro. */
+static float covered(const palp_tool *tool, float area_m2) {
+    if (!palp_lattice_is_flat(tool)) return 0.0f;
+    return palp_clamp((area_m2 / face_m2(tool) - COVERS) / (COVERED - COVERS), 0.0f, 1.0f);
+}
+
+/* Where the tool is to be drawn back to, along the axis: as far as it is pressed too deep; or,
+ * below 0, forward, where more is in contact than half of the overlap. */
+static float drawn_back(const palp_lattice *l, const palp_lattice_room *r, float area_m2,
+                        float deepest) {
+    const float most = DEPTH * palp_tool_size(r->tool), depth = l->at.back_m + deepest;
+    if (depth > most) return depth - most;
+    if (l->at.fixed > 0.0f || !(r->pressed_m2 > 0.0f)) return 0.0f;
+    float wanted = deepest * AROUND * r->pressed_m2 / area_m2; /* depth grows with the area */
+    wanted = palp_clamp(0.5f * (deepest + wanted), depth, palp_min(2.0f * depth, most));
+    return depth - wanted;
 }
 
 /* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
@@ -419,7 +453,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
         float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
-        palp_vec3 off = palp_sub(p->at.q, palp_add(r->tool_m, l->at.origin_m));
+        palp_vec3 off = palp_sub(p->at.q, palp_add(f->moved_m, l->at.origin_m));
         weight += w;
         square += w * p->overlap_m;
         cells += w * area;
@@ -429,7 +463,11 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     }
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
     float area_m2 = 4.0f / 3.0f * weight * weight / square;
-    float change2 = wanted_cell2(r, area_m2) * PALP_LATTICE_CELL * weight / cells;
+    l->at.fixed = covered(r->tool, area_m2);
+    float cell2 = wanted_cell2(r, area_m2);
+    if (l->at.fixed > 0.0f) /* all of it in contact */
+        cell2 += l->at.fixed * (face_m2(r->tool) / (PALP_LATTICE_CELL * r->cells) - cell2);
+    float change2 = cell2 * PALP_LATTICE_CELL * weight / cells;
     if (f->full) change2 = palp_max(change2, 1.3f);
     float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f)), moved;
     if (f->central) {
@@ -439,6 +477,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         l->at.spacing = palp_min(l->at.spacing * change, 0.8f);
     } else {
         palp_vec3 shift = palp_scale(1.0f / weight, toward);
+        shift = palp_madd(palp_scale(1.0f - l->at.fixed, shift), -l->at.fixed, l->at.origin_m);
         if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
         l->at.origin_m = palp_add(l->at.origin_m, shift);
         l->at.origin_m =
@@ -447,16 +486,8 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         moved = palp_norm(shift) / l->at.spacing;
         l->at.spacing *= change;
     }
-    float most = DEPTH * palp_tool_size(r->tool), depth = l->at.back_m + deepest;
-    /* regions that face each other have no axis in common to draw back along */
-    float together = f->central ? palp_norm(toward) / weight : palp_norm(out) / weight;
-    float share = palp_clamp((together - APART) / (TOGETHER - APART), 0.0f, 1.0f);
-    if (l->upright > 0u) share = 0.0f;
-    if (l->upright > 0u) l->upright--;
-    float back = share * palp_min(r->given_m, GIVEN * depth);
-    l->at.deep = share > 0.0f && depth - most > back;
-    if (l->at.deep) back = depth - most;
-    moved += palp_abs(back - l->at.back_m) / most;
+    float back = drawn_back(l, r, area_m2, deepest);
+    moved += palp_abs(back - l->at.back_m) / (DEPTH * palp_tool_size(r->tool));
     l->at.back_m = back;
     set_origin(l, r->tool);
     return palp_abs(change - 1.0f) > CELL_CHANGE || moved > 0.25f;
@@ -489,7 +520,6 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     if (begun && !begin(l, room)) return 0u;
     fill(&f, l, room, first);
     l->placed = *room->count > first;
-    if (!l->placed && l->at.back_m > 0.0f) l->upright = UPRIGHT;
     if (!l->placed) return begun ? 0u : PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = follow(l, room, &f);
     return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);

@@ -14,14 +14,14 @@
  * (a_i: area of the cell, d_i: overlap), so that about `cells` of the points come to carry force,
  * whatever the size of the contact and however many regions it has.
  *
- * Before its overlap is measured a tool is drawn back along the axis by what the body as a whole
- * gave way in the last tick (a thin part bends away, and little of it is touched), and where it is
- * pressed deep so far that the overlap is at most 0.7 of its size. This only says where points are
- * wanted, not what they feel.
+ * The overlap is that with the surface as the body as a whole has moved it in the last tick
+ * (given.h), so d_i is what is left for the contact's own neighbourhood. A tool that is pressed
+ * deeper than 0.7 of its size is drawn back along the axis until it is not.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
 
+#include "core/contact/given.h"
 #include "core/contact/tool.h"
 #include "core/surface/surface.h"
 
@@ -32,10 +32,11 @@
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
 #define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
 /* What one filling does at most, with room for so many points. */
-#define PALP_LATTICE_LOOKS(room) (3u * (room))             /* places looked at, each one shot */
-#define PALP_LATTICE_CROSSINGS(room) (12u * (room) + 256u) /* triangles crossed by all shots */
-#define PALP_LATTICE_RINGS 64u /* nodes compared with all their neighbours */
-#define PALP_LATTICE_FEET 12u  /* nearest points of the surface sought, four shots each */
+#define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 48u) /* places looked at, each one shot */
+#define PALP_LATTICE_CROSSINGS(room) (4u * (room) + 256u) /* triangles crossed by all shots */
+#define PALP_LATTICE_MEASURE 96u /* triangles crossed before there is a lattice */
+#define PALP_LATTICE_RINGS 24u   /* nodes compared with all their neighbours */
+#define PALP_LATTICE_FEET 8u     /* nearest points of the surface sought, four shots each */
 
 /* One contact point. */
 typedef struct {
@@ -66,16 +67,17 @@ typedef struct {
 typedef struct {
     palp_vec3 axis, tangent[2]; /* orthonormal */
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
-    float back_m;               /* how far the tool is drawn back, along -axis */
-    float spacing;              /* rad for a sphere, else m */
-    bool deep;                  /* drawn back because it is pressed deep */
+    float
+        back_m; /* how far the tool is drawn back along -axis when pressed deep; below 0: forward */
+    float spacing;    /* rad for a sphere, else m */
+    palp_given given; /* by the body as a whole */
+    float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
 } palp_lattice_state;
 
 typedef struct {
     palp_lattice_state at;   /* where the next filling will be */
     palp_lattice_state used; /* of the points of this tick */
     bool placed;
-    uint32_t upright; /* fillings for which it is not drawn back, after that lost the surface */
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
 } palp_lattice;
@@ -93,7 +95,8 @@ typedef struct {
     uint32_t number;           /* of the tool */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
-    float given_m;             /* by the body as a whole, in the last tick */
+    palp_given given;          /* by the body as a whole, as foreseen */
+    float pressed_m2;          /* area that pressed in the last tick; 0: none */
     palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
     const palp_contact_point *before; /* [count_before] of the last tick, of all tools */

@@ -2,12 +2,13 @@
 #include "core/servo/answer.h"
 
 #define NS_PER_S 1e9f
+#define UNKNOWN 0.05f   /* error of a level that bake has not measured */
 #define CALM_LATEST 64u /* times PALP_ANSWER_CALM_S */
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
-/* What surrounds the contact in a tick. */
-static float frame_cost(const palp_contact_cost *c) {
+float palp_answer_cost_around(const palp_contact_cost *cost) {
+    const palp_contact_cost *c = cost;
     return PRICE(c, TICK) + c->tools * (PRICE(c, COUPLE) + PRICE(c, LEAVE)) + PRICE(c, QUANTUM);
 }
 
@@ -22,14 +23,14 @@ static float solve_cost(const palp_contact_cost *c, palp_contact_level l, uint32
 
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_level_of(level, cost->modes);
-    return frame_cost(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
+    return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
            cost->tools * (float)PALP_LATTICE_FILLINGS *
                (palp_contact_cost_fill(cost, l) + PRICE(cost, QUANTUM));
 }
 
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_level_of(level, cost->modes);
-    return frame_cost(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
+    return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
            cost->tools * palp_contact_cost_fill(cost, l);
 }
 
@@ -50,9 +51,10 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
     if (status != PALP_OK) return status;
     const palp_prices ns = palp_prices_of(&config->cost);
     a->bound = palp_contact_cost_of(config->blob, config->tools, config->tool_count, &ns);
-    a->tail_ns = frame_cost(&a->bound);
+    a->tail_ns = palp_answer_cost_around(&a->bound) + config->after_ns;
     for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++)
-        a->least_ns[l] = palp_answer_cost_least(&a->bound, l);
+        a->least_ns[l] =
+            palp_answer_cost_least(&a->bound, l) + config->before_ns + config->after_ns;
     float room = config->cost.margin * NS_PER_S * config->dt_s;
     if (bound_ns != NULL) *bound_ns = a->least_ns[0];
     if (a->least_ns[0] > room) return PALP_ERR_BUDGET;
@@ -168,6 +170,20 @@ static bool solve(palp_answer *a, palp_answer_report *r) {
     return true;
 }
 
+/* See answer.h. */
+static float doubt(palp_answer *a, const palp_coupling_result *result, bool held) {
+    const palp_regular *body = &a->config.blob->regular;
+    const float share =
+        body->level_error != NULL ? body->level_error[2u * a->contact.now + 1u] : UNKNOWN;
+    float most = 0.0f;
+    for (uint32_t t = 0; t < a->config.tool_count; t++) {
+        if (!held) a->solved_N[t] = result[t].force_N;
+        float changed = palp_norm(palp_sub(result[t].force_N, a->solved_N[t]));
+        most = palp_max(most, share * palp_norm(result[t].force_N) + 0.5f * changed);
+    }
+    return most;
+}
+
 void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
                       palp_coupling_result *result, palp_answer_report *report) {
     palp_answer *a = answer;
@@ -176,7 +192,7 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
     a->start_ns = start_ns;
     choose_level(a);
     palp_coupling_begin(&a->coupling, c, device_m);
-    bool fits = a->least_ns[c->now] - a->tail_ns <= left_ns(a);
+    bool fits = a->least_ns[c->now] - a->config.before_ns - a->tail_ns <= left_ns(a);
     if (fits && prepare(a, &r) && solve(a, &r)) {
         palp_coupling_take(&a->coupling, c, a->config.dt_s, result);
         a->held_in_a_row = 0;
@@ -188,6 +204,7 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
         a->calm = 0;
         r.held = true;
     }
+    r.doubt_N = doubt(a, result, r.held);
     r.level = c->now;
     r.flags = c->flags;
     r.points = c->count;

@@ -30,6 +30,7 @@ typedef struct {
     palp_cost_table cost;
     palp_port port;
     float dt_s;
+    float before_ns, after_ns; /* of the period: what the caller does before and after the answer */
 } palp_answer_config;
 
 typedef struct {
@@ -42,12 +43,14 @@ typedef struct {
     uint64_t start_ns;                   /* of the tick under way */
     uint32_t limit;                      /* finest level that always fits the period */
     uint32_t held_in_a_row, calm, calm_wanted;
-    uint64_t held, coarsened, refined; /* ticks, changes so far */
+    palp_vec3 solved_N[PALP_CONTACT_TOOLS]; /* on the devices, when last solved */
+    uint64_t held, coarsened, refined;      /* ticks, changes so far */
 } palp_answer;
 
 typedef struct {
     uint32_t level, flags; /* PALP_CONTACT_ flags */
     uint32_t points, active, iterations;
+    float doubt_N;  /* by how much the largest force of a tool may be off, see below */
     bool held;      /* went on as foreseen, without a contact of its own */
     bool shortened; /* did less than it would have with more time */
 } palp_answer_report;
@@ -66,10 +69,18 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
 /* Lets everything go. */
 void palp_answer_reset(palp_answer *answer);
 
-/* A tick that began at start_ns on the port's clock, with the devices at device_m[tool_count]. */
+/*
+ * A tick that began at start_ns on the port's clock, with the devices at device_m[tool_count].
+ *
+ * report->doubt_N is an estimate: the largest error of the level in use against the finest one in
+ * the presses that bake made (palp_regular.level_error), times the force; and when the tick was
+ * held, half of what the force has changed by since a contact was last solved.
+ */
 void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
                       palp_coupling_result *result, palp_answer_report *report);
 
+/* What surrounds the contact in a tick: TICK + tools (COUPLE + LEAVE) + QUANTUM. */
+float palp_answer_cost_around(const palp_contact_cost *cost);
 /* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);
 /* The same with one filling for each tool and PALP_ANSWER_ITERATIONS. */

@@ -47,8 +47,8 @@ static void set_bound(palp_bounded *b) {
 static palp_status open_ladder(palp_bounded *b, palp_arena *arena) {
     const palp_bounded_config *c = &b->config;
     if (c->assembly != NULL) {
-        size_t room =
-            palp_node_contact_memsize_zones(c->assembly->zones, c->assembly->seams.finest, c->limits);
+        size_t room = palp_node_contact_memsize_zones(c->assembly->zones, c->assembly->seams.finest,
+                                                      c->limits);
         return palp_ladder_init_zones(&b->ladder, c->assembly, c->pairs, c->tools, c->tool_count,
                                       c->limits, palp_take(arena, room, 1), room);
     }

@@ -50,7 +50,8 @@ typedef struct {
     bool finer;                                      /* a finer factor is under way in spare time */
     uint32_t barred; /* level that spare time gave up until the posture changes */
     palp_ladder ladder;
-    palp_node_coupling coupling;    /* the caller sets stiffness and damping of each spring after init */
+    palp_node_coupling
+        coupling;              /* the caller sets stiffness and damping of each spring after init */
     palp_fresh *fresh;         /* [max_new] */
     uint64_t start_ns;         /* of the tick under way */
     float retreat_ns, tail_ns; /* kept back: for a coarser answer, for the end of a tick */

@@ -72,7 +72,8 @@ static float full_answer(const palp_touch_cost *c) {
                          pivot_among(c, l.max_candidates, l.max_active));
     return (float)PALP_NODE_COUPLING_SOLVES *
                (palp_cost_begin(c, l.max_candidates) + palp_cost_couple(c, l.max_active)) +
-           (1.0f + (float)(pivots / PALP_NODE_CONTACT_REFACTOR)) * palp_cost_refactor(c, l.max_active) +
+           (1.0f + (float)(pivots / PALP_NODE_CONTACT_REFACTOR)) *
+               palp_cost_refactor(c, l.max_active) +
            dearest_pivots(c, pivots - ends) + (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
 }
 

@@ -36,9 +36,9 @@ palp_prices palp_prices_of(const palp_cost_table *table);
 /* What follows the solves of a tick: palp_cost_leave, TICK and half of SERVO. */
 float palp_cost_tail(const palp_touch_cost *cost, uint32_t active);
 
-/* The PALP_NODE_COUPLING_SOLVES solves of a tick, `pivots` in all with `active` in contact at most, one
- * of them with the factor made afresh; a QUANTUM each, and palp_cost_relieve for every solve that
- * may end without room. */
+/* The PALP_NODE_COUPLING_SOLVES solves of a tick, `pivots` in all with `active` in contact at most,
+ * one of them with the factor made afresh; a QUANTUM each, and palp_cost_relieve for every solve
+ * that may end without room. */
 float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t active,
                        uint32_t pivots);
 

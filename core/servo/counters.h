@@ -15,7 +15,7 @@ typedef struct {
     uint64_t late;     /* axes without an estimate in a tick of RUN */
     uint64_t implausible; /* estimates that were not believed */
     uint64_t frozen;      /* axes whose estimate has stood still for suspiciously long */
-    uint64_t shortened;   /* ticks that did less than the limits allow because time ran out */
+    uint64_t shortened;   /* ticks that did less than they would have with more time */
     uint64_t limited;     /* ticks whose force met a limit of the output chain */
     uint64_t braked;      /* ticks in which the passivity controller took force away */
     uint64_t overruns;    /* ticks longer than a period */
@@ -24,7 +24,8 @@ typedef struct {
     uint64_t bus_faults;  /* bus-off, link down, frames not taken */
     uint64_t bus_warnings, overflows; /* error-passive; frames that the receiver had no room for */
     uint64_t outside;                 /* ticks beyond the workspace or near a singular pose */
-    uint64_t dropped, climbed;        /* changes of the constraint level */
+    uint64_t held;                    /* ticks that went on as foreseen for want of time */
+    uint64_t coarsened, refined;      /* changes of the level of contact */
     uint64_t resets;                  /* by the operator */
 } palp_counters;
 

@@ -5,12 +5,12 @@
 #define NS_PER_S 1e9f
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
 #define OUTSIDE 1.25f  /* workspace radii at which it begins to fade, over a quarter radius */
-#define SOFTEST 4e-7f  /* of the body's stiffness that single precision can tell from it */
+#define FRAMES 64.0f   /* received in one tick, at most */
 
 struct palp_servo {
     const palp_blob *blob;
     palp_servo_config config;
-    palp_bounded bounded;
+    palp_answer answer;
     palp_output output;
     palp_passivity_config passive;
     palp_counters counters;
@@ -23,18 +23,18 @@ struct palp_servo {
     bool moved; /* last_tip_m belongs to a force that was sent */
 };
 
-static palp_servo *lay_out(const palp_blob *b, palp_node_contact_limits l, palp_arena *arena,
-                           void **bounded_memory) {
+static palp_servo *lay_out(const palp_blob *b, uint32_t finest, palp_arena *arena,
+                           void **answer_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
-    *bounded_memory = palp_take(arena, palp_bounded_memsize(b, l), 1);
+    *answer_memory = palp_take(arena, palp_answer_memsize(b, 1, finest), 1);
     return s;
 }
 
-size_t palp_servo_memsize(const palp_blob *blob, palp_node_contact_limits limits) {
+size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest) {
     palp_arena arena = {0};
-    void *bounded_memory;
-    if (!palp_node_contact_limits_sound(limits)) return 0;
-    (void)lay_out(blob, limits, &arena, &bounded_memory);
+    void *answer_memory;
+    if (blob->regular.modes == 0u || finest >= PALP_CONTACT_LEVELS) return 0;
+    (void)lay_out(blob, finest, &arena, &answer_memory);
     return arena.used;
 }
 
@@ -45,45 +45,56 @@ static bool config_is_sound(const palp_servo_config *c) {
            c->port.now_ns != NULL;
 }
 
+/* Device stiffness k becomes k / scale^2 in the model, where lengths grow and forces shrink by
+ * scale. */
+static void set_coupling(palp_coupling_tool *spring, const palp_servo_config *c) {
+    float scale = c->placement.scale;
+    bool chosen = c->coupling_N_per_m > 0.0f;
+    float wanted = chosen ? c->coupling_N_per_m : palp_device_coupling(&c->device);
+    float k = palp_min(wanted, palp_device_stiffest(&c->device));
+    float b = chosen ? c->coupling_Ns_per_m : c->device.damping_max_Ns_per_m;
+    spring->stiffness_N_per_m = k / (scale * scale);
+    spring->damping_Ns_per_m = b / (scale * scale);
+}
+
+float palp_servo_cost_before(const palp_prices *price) {
+    return palp_servo_cost_after(price) + FRAMES * price->of[PALP_WORK_FRAME];
+}
+
+float palp_servo_cost_after(const palp_prices *price) { return 0.5f * price->of[PALP_WORK_SERVO]; }
+
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             const palp_servo_config *config, void *memory, size_t bytes,
                             float *bound_ns) {
     palp_arena arena = {.base = memory};
-    void *bounded_memory;
-    if (!palp_node_contact_limits_sound(config->limits)) return PALP_ERR_LIMITS;
+    void *answer_memory;
+    if (blob->regular.modes == 0u) return PALP_ERR_ABSENT;
+    if (config->finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_servo_memsize(blob, config->limits)) return PALP_ERR_MEMORY;
-    palp_servo *s = lay_out(blob, config->limits, &arena, &bounded_memory);
+    if (bytes < palp_servo_memsize(blob, config->finest)) return PALP_ERR_MEMORY;
+    palp_servo *s = lay_out(blob, config->finest, &arena, &answer_memory);
     const palp_device *device = &config->device;
+    const palp_prices ns = palp_prices_of(&config->cost);
     *s = (palp_servo){.blob = blob, .config = *config, .dt_s = 1.0f / device->drives.rate_hz};
-    palp_bounded_config bounded = {.blob = blob,
-                                   .tools = &s->config.tool,
-                                   .tool_count = 1,
-                                   .limits = config->limits,
-                                   .cost = config->cost,
-                                   .port = config->port,
-                                   .dt_s = s->dt_s};
-    palp_status status = palp_bounded_init(&s->bounded, &bounded, bounded_memory,
-                                           palp_bounded_memsize(blob, config->limits), bound_ns);
+    const palp_answer_config answer = {.blob = blob,
+                                       .tools = &s->config.tool,
+                                       .tool_count = 1,
+                                       .finest = config->finest,
+                                       .cost = config->cost,
+                                       .port = config->port,
+                                       .dt_s = s->dt_s,
+                                       .before_ns = palp_servo_cost_before(&ns),
+                                       .after_ns = palp_servo_cost_after(&ns)};
+    palp_status status = palp_answer_init(&s->answer, &answer, answer_memory,
+                                          palp_answer_memsize(blob, 1, config->finest), bound_ns);
     if (status != PALP_OK) return status;
-    /* Device stiffness k becomes k / scale^2 in the model, where lengths grow and forces shrink by
-     * scale. */
-    float scale = config->placement.scale;
-    palp_spring *spring = &s->bounded.coupling.spring[0];
-    bool chosen = config->coupling_N_per_m > 0.0f;
-    float wanted = chosen ? config->coupling_N_per_m : palp_device_coupling(device);
-    float k = palp_min(wanted, palp_device_stiffest(device));
-    float b = chosen ? config->coupling_Ns_per_m : device->damping_max_Ns_per_m;
-    spring->stiffness_N_per_m =
-        palp_max(k / (scale * scale), SOFTEST * blob->meta->stiffness_max_N_per_m);
-    spring->damping_Ns_per_m = b / (scale * scale);
+    set_coupling(&s->answer.coupling.tool[0], &s->config);
     s->passive = palp_passivity_configure(device->damping_Ns_per_m, palp_device_brake(device),
                                           palp_drive_delay(device->drives.protocol), s->dt_s,
                                           device->drives.torque_lag_s);
-    const palp_ladder *ladder = &s->bounded.ladder;
-    for (uint32_t r = 0; r < ladder->rungs; r++)
-        s->bound_ns = palp_max(s->bound_ns, palp_cost_full(&s->bounded.bound, ladder->at[r]));
+    s->bound_ns = answer.before_ns + answer.after_ns +
+                  palp_answer_cost_full(&s->answer.bound, s->answer.limit);
     palp_axes_init(&s->axes, device);
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);
@@ -94,17 +105,9 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
 const palp_counters *palp_servo_counters(const palp_servo *servo) { return &servo->counters; }
 
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
-    const palp_node_contact *c = &servo->bounded.ladder.contact[servo->bounded.ladder.now];
-    const palp_node_friction *f = &servo->bounded.coupling.spring[0].friction;
-    palp_vec3 resultant;
-    float total = palp_node_contact_normal_force(c, 0, &resultant);
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        const palp_candidate *k = &c->candidate[c->active[a]];
-        palp_vec3 force = palp_scale(-k->force_N, k->n);
-        if (total > 0.0f) force = palp_madd(force, -k->force_N / total, f->force_N);
-        load[a] = (palp_load){.at = {k->level, k->slot}, .force_N = force};
-    }
-    return c->active_count;
+    const palp_answer *a = &servo->answer;
+    return palp_contact_loads(&a->contact, 0, a->coupling.tool[0].friction.force_N, load, 0,
+                              PALP_SERVO_LOADS);
 }
 
 /* ---- state ---- */
@@ -133,7 +136,7 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
         palp_axes_forget(&s->axes);
     }
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
-        palp_bounded_reset(&s->bounded);
+        palp_answer_reset(&s->answer);
         s->output = (palp_output){.last_N = {0.0f, 0.0f, 0.0f}};
         s->moved = false;
     }
@@ -144,30 +147,25 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     const palp_placement *p = &s->config.placement;
     palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
-    palp_node_coupling_result result;
-    palp_bounded_report b;
-    palp_bounded_tick(&s->bounded, s->start_ns, &device, &result, &b);
-    s->counters.dropped = s->bounded.ladder.dropped;
-    s->counters.climbed = s->bounded.ladder.climbed;
+    palp_coupling_result result;
+    palp_answer_report a;
+    palp_answer_tick(&s->answer, s->start_ns, &device, &result, &a);
+    s->counters.coarsened = s->answer.coarsened;
+    s->counters.refined = s->answer.refined;
+    s->counters.held = s->answer.held;
     r->tool_m = result.tool_m;
     r->stored_J = result.energy_J;
-    r->unsettled_m = result.moved_m;
-    r->slipping = s->bounded.coupling.spring[0].friction.slipping;
-    r->contact_flags = b.flags;
-    r->level = b.level;
-    r->outer = b.outer;
-    r->aborted = b.aborted;
-    r->admitted = b.admitted;
-    r->deferred = b.deferred;
-    r->shortened = b.shortened;
-    r->pivots = b.pivots;
-    r->candidates = b.candidates;
-    r->active = b.active;
+    r->unforeseen_m = result.moved_m;
+    r->slipping = s->answer.coupling.tool[0].friction.slipping;
+    r->contact_flags = a.flags;
+    r->level = a.level;
+    r->points = a.points;
+    r->active = a.active;
+    r->iterations = a.iterations;
+    r->doubt_N = p->scale * a.doubt_N;
+    r->held = a.held;
+    r->shortened = a.shortened;
     return palp_scale(p->scale, palp_rotate_back(p->rotation, result.force_N));
-}
-
-void palp_servo_spare(palp_servo *servo) {
-    if (servo->safety.state == PALP_STATE_RUN) palp_bounded_spare(&servo->bounded);
 }
 
 /* Fades near singular poses and beyond the workspace. */
@@ -245,8 +243,8 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_c
     s->start_ns = s->config.port.now_ns(s->config.port.context);
     palp_report r = {.tick = s->counters.ticks++,
                      .bound_ns = s->bound_ns,
-                     .level = palp_ladder_contact(&s->bounded.ladder)->level,
-                     .outer = palp_ladder_contact(&s->bounded.ladder)->outer};
+                     .level = s->answer.contact.now,
+                     .limit = s->answer.limit};
     take_in(s, input);
     run(s, input, &r);
     uint32_t n = palp_axes_send(&s->axes, &s->config.device, palp_safety_demand(s->safety.state),

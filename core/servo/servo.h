@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * One servo tick, straight through: frames -> joint angles -> tool pose -> contact set -> contact
- * forces -> force -> limits -> joint torques -> frames.
+ * One servo tick, straight through: frames -> joint angles -> tool pose -> contact points ->
+ * contact forces -> force -> limits -> joint torques -> frames.
  *
  * The tick does not fail. It clamps, counts and reports; faults latch and take the force to zero
  * (safety.h). All that it depends on comes in through palp_tick_input and the port's clock, so that
@@ -10,8 +10,8 @@
 #ifndef PALP_SERVO_SERVO_H
 #define PALP_SERVO_SERVO_H
 
-#include "core/green/field.h"
-#include "core/servo/bounded.h"
+#include "core/contact/loads.h"
+#include "core/servo/answer.h"
 #include "core/servo/output.h"
 #include "core/servo/safety.h"
 
@@ -25,7 +25,7 @@ typedef struct {
 typedef struct {
     palp_device device; /* its drives.rate_hz is the rate of the ticks */
     palp_placement placement;
-    palp_node_contact_limits limits;
+    uint32_t finest; /* level of contact, below PALP_CONTACT_LEVELS */
     palp_cost_table cost;
     palp_port port;
     palp_tool tool; /* in the model */
@@ -46,20 +46,25 @@ typedef struct {
 typedef struct {
     uint64_t tick;
     palp_state state;
-    uint32_t faults;       /* PALP_FAULT_ bits, latched */
-    uint32_t level, outer; /* constraint levels of the answer, under the tool and around it */
-    uint32_t aborted;      /* rungs of the ladder given up in this tick */
-    uint32_t contact_flags, pivots, candidates, active, admitted, deferred;
-    float bound_ns, elapsed_ns;
+    uint32_t faults;         /* PALP_FAULT_ bits, latched */
+    uint32_t level, limit;   /* of the contact; the finest that always fits the period */
+    uint32_t points, active; /* contact points; those of them in contact */
+    uint32_t iterations;     /* of the active set */
+    uint32_t contact_flags;  /* PALP_CONTACT_ flags */
+    float bound_ns,
+        elapsed_ns; /* of the whole tick: all that the limit level allows; by the clock */
     float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES];
     palp_vec3 tip_m, tip_velocity_m_s; /* device */
     palp_vec3 tool_m;                  /* model */
     palp_vec3 force_N;                 /* at the tip, as sent */
     float motor_torque_Nm[PALP_AXES];
-    float stored_J;    /* contact and coupling, in device units */
-    float absorbed_J;  /* net energy that the hand has put in since RUN */
-    float unsettled_m; /* last move of the tool in its settling (model) */
-    bool shortened, slipping, braked;
+    float stored_J;     /* contact and coupling, in device units */
+    float absorbed_J;   /* net energy that the hand has put in since RUN */
+    float doubt_N;      /* by how much the force may be off (answer.h); device units */
+    float unforeseen_m; /* how far the tool came to rest from where it was foreseen (model) */
+    bool held;          /* no time for a contact: went on as foreseen */
+    bool shortened;     /* did less than it would have with more time */
+    bool slipping, braked;
 } palp_report;
 
 typedef struct palp_servo palp_servo;
@@ -68,13 +73,17 @@ typedef struct palp_servo palp_servo;
  */
 #define PALP_SERVO_STACK 4096u
 
-/* Memory for a servo on this blob; 0 if the limits are unsound. */
-size_t palp_servo_memsize(const palp_blob *blob, palp_node_contact_limits limits);
+/* Loads that palp_servo_loads makes at most. */
+#define PALP_SERVO_LOADS 192u
+
+/* Memory for a servo on this blob; 0 if it has no regular part or `finest` is no level. */
+size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 
 /*
- * Opens a servo in `memory` (64-byte aligned, owned by the caller). Errors: LIMITS, ARGUMENT,
- * MEMORY, ALIGNMENT, and BUDGET when the least answer of the coarsest constraint level does not fit
- * the period; *bound_ns (may be NULL) then says how much time it needs.
+ * Opens a servo in `memory` (64-byte aligned, owned by the caller). Errors: ABSENT
+ * (the blob has no regular part: bake it again), LIMITS (finest), ARGUMENT, MEMORY, ALIGNMENT, and
+ * BUDGET when the coarsest level does not fit the period; *bound_ns (may be NULL) then says how
+ * much time it needs.
  */
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             const palp_servo_config *config, void *memory, size_t bytes,
@@ -87,16 +96,14 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
 uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,
                          palp_report *report);
 
-/*
- * Work for the time left after the frames are sent: prepares and takes over a finer constraint
- * level when there is room for one. Looks at the clock before each step and returns in time.
- * Without it the level comes back only when the tool lets go.
- */
-void palp_servo_spare(palp_servo *servo);
+/* What a tick takes at most before its answer (SERVO / 2 + 64 FRAME), and after it (SERVO / 2), in
+ * the unit of the prices. */
+float palp_servo_cost_before(const palp_prices *price);
+float palp_servo_cost_after(const palp_prices *price);
 
 const palp_counters *palp_servo_counters(const palp_servo *servo);
-/* For the display path: the forces of the last tick on the body, in load[max_active]; returns how
- * many. */
+/* For the display path: the forces of the last tick on the body, in load[PALP_SERVO_LOADS]; returns
+ * how many. */
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load);
 
 #endif

@@ -17,9 +17,8 @@
 #ifndef MEMORY_BYTES
 #define MEMORY_BYTES (256u << 10)
 #endif
-#ifndef LIMITS
-#define LIMITS                                                                                     \
-    { 24, 12, 2, 6, false } /* candidates, in contact, new ones a tick, pivots */
+#ifndef FINEST
+#define FINEST 3u /* level of contact */
 #endif
 #define STATE_TICKS 400u /* until the drives are on and the force has risen */
 
@@ -54,12 +53,14 @@ static void print_bound(const char *what, float instructions) {
 
 static void print_bounds(const palp_blob *blob, const palp_servo_config *config) {
     const palp_prices *instructions = &palp_target_cortex_m7.instructions;
-    palp_touch_cost c = palp_touch_cost_of(blob, config->limits, &config->tool, 1, instructions);
-    for (uint32_t l = 0; l <= blob->meta->constraint_level; l++) {
+    palp_contact_cost c = palp_contact_cost_of(blob, &config->tool, 1, instructions);
+    float servo = palp_servo_cost_before(instructions) + palp_servo_cost_after(instructions);
+    for (uint32_t l = 0; l <= FINEST; l++) {
         print_number("level ", l, ": ");
-        print_bound("all that the limits allow, ", palp_cost_full(&c, (palp_rung){l, l}));
+        print_bound("always, ", servo + palp_answer_cost_least(&c, l));
+        print_number("level ", l, ": ");
+        print_bound("all that it allows, ", servo + palp_answer_cost_full(&c, l));
     }
-    print_bound("the least answer, ", palp_cost_least(&c));
 }
 
 static void print_hash(void) {
@@ -78,8 +79,8 @@ static void mix(const void *data, uint32_t bytes) {
 
 /* What is worth knowing of the ticks in which the force was on. */
 typedef struct {
-    uint64_t ticks, sum, most, level[PALP_MAX_LEVELS], late;
-    uint32_t candidates, active;
+    uint64_t ticks, sum, most, level[PALP_CONTACT_LEVELS], late, held;
+    uint32_t points, active;
     float force_N;
 } tally;
 
@@ -93,7 +94,6 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
     uint64_t begun = systick_instructions();
     uint32_t sent = palp_servo_tick(servo, &input, out, &r);
     uint64_t took = systick_instructions() - begun;
-    palp_servo_spare(servo);
     orbit_listen(&device, &config->device, out, sent);
     for (uint32_t k = 0; k < sent; k++) mix(out[k].data, out[k].length);
     mix(&r.force_N, sizeof r.force_N);
@@ -103,7 +103,8 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
     t->most = took > t->most ? took : t->most;
     t->level[r.level]++;
     t->late += r.elapsed_ns > 0.8e9f / RATE_HZ ? 1u : 0u;
-    t->candidates = r.candidates > t->candidates ? r.candidates : t->candidates;
+    t->held += r.held ? 1u : 0u;
+    t->points = r.points > t->points ? r.points : t->points;
     t->active = r.active > t->active ? r.active : t->active;
     t->force_N = palp_max(t->force_N, palp_norm(r.force_N));
 }
@@ -113,15 +114,16 @@ static void print_tally(const tally *t) {
     if (t->ticks == 0u) return;
     print_number("instructions a tick: mean ", t->sum / t->ticks, "");
     print_number(", most ", t->most, "\n");
-    print_number("most candidates ", t->candidates, "");
+    print_number("most contact points ", t->points, "");
     print_number(", in contact ", t->active, "");
     print_number(", largest force ", (uint64_t)(1000.0f * t->force_N), " mN\n");
-    for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) {
+    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++) {
         if (t->level[l] == 0u) continue;
         print_number("ticks on level ", l, "");
         print_number(": ", t->level[l], "\n");
     }
-    print_number("late ", t->late, "\n");
+    print_number("late ", t->late, "");
+    print_number(", held as foreseen ", t->held, "\n");
 }
 
 int main(void) {
@@ -139,11 +141,11 @@ int main(void) {
         return 1;
     }
     palp_servo_config config = orbit_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
-    config.limits = (palp_node_contact_limits)LIMITS;
+    config.finest = FINEST;
     config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
     config.port = (palp_port){systick_now_ns, NULL};
     print_number("data and memory ", (uint64_t)(&bss_end - &data_begin), " bytes of RAM");
-    print_number(", servo ", palp_servo_memsize(&blob, config.limits), " of them\n");
+    print_number(", servo ", palp_servo_memsize(&blob, FINEST), " of them\n");
     status = palp_servo_open(&servo, &blob, &config, memory, sizeof memory, &bound_ns);
     print_bounds(&blob, &config);
     if (status != PALP_OK) {

@@ -149,7 +149,6 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
     l->current = t;
     t->out_count = palp_servo_tick(l->servo, &in, t->out, &t->report);
     send(l, (uint32_t)tick, t->out, t->out_count);
-    palp_servo_spare(l->servo);
     l->current = NULL;
     *digest = record_digest(*digest, t->out, t->out_count, &t->report);
     t->digest = *digest;

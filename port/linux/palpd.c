@@ -180,7 +180,7 @@ static float *peak_displacement(const palp_blob *blob, const peak *p) {
 }
 
 static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *config) {
-    size_t bytes = palp_servo_memsize(blob, config->limits);
+    size_t bytes = palp_servo_memsize(blob, config->finest);
     void *memory = memset(allocate_aligned(bytes, 1), 1, bytes); /* touched, as the ring */
     palp_servo *servo;
     float bound_ns = 0;
@@ -302,13 +302,15 @@ static void open_bus(servo_loop *l, const daemon_spec *s, const device_file *fil
 static void check_node(const daemon_spec *s, const palp_blob *blob) {
     if (palp_blob_has(blob, PALP_META_SCALAR))
         die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
+    if (blob->meta->modes == 0)
+        die(EXIT_WORK,
+            "%s: has no regular part, which contact needs (baked by an older palp, with --modes 0 "
+            "or "
+            "--reciprocity raw): bake it again",
+            s->blob);
     if (s->touch != UINT32_MAX &&
-        (s->touch >= blob->meta->nodes || palp_node_is_fixed(blob, s->touch) ||
-         palp_node_slot(blob, s->touch) >= blob->level[blob->meta->constraint_level].nodes)) {
-        die(EXIT_USAGE,
-            "--touch: node %" PRIu32 " is not a free node of the blob's constraint level",
-            s->touch);
-    }
+        (s->touch >= blob->meta->nodes || palp_node_is_fixed(blob, s->touch)))
+        die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s->touch);
 }
 
 static void log_session(FILE *log, const daemon_spec *s, const palp_servo_config *config) {
@@ -387,7 +389,7 @@ int main(int argc, char **argv) {
     touch_frame touch = place_body(&blob, &file.device, s.touch);
     palp_servo_config config = {.device = file.device,
                                 .placement = touch.placement,
-                                .limits = PALP_NODE_CONTACT_DEFAULTS,
+                                .finest = PALP_CONTACT_FINEST,
                                 .tool = palp_tool_sphere(touch.tool_radius_m),
                                 .cost = {.target = &palp_target_counted,
                                          .ns_per_instruction = LOCKSTEP_NS,
@@ -395,10 +397,9 @@ int main(int argc, char **argv) {
                                 .port = {.now_ns = loop_clock, .context = loop},
                                 .resume = s.resume};
     config.tool.friction = (float)s.friction;
-    config.limits.friction = s.friction > 0;
     machine speed;
     if (!s.lockstep) {
-        calibrate(&speed, &blob, config.limits, &config.tool, touch.node, false);
+        calibrate(&speed, &blob, &config.tool, touch.node, false);
         config.cost = machine_table(&speed, TICK_SHARE);
     }
     loop->servo = open_servo(&blob, &config);

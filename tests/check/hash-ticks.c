@@ -188,7 +188,7 @@ int main(int argc, char **argv) {
                                            .damping_max_Ns_per_m = 1.5f,
                                            .damping_Ns_per_m = 0.6f},
                                 .placement = {.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .scale = 1},
-                                .limits = PALP_NODE_CONTACT_DEFAULTS,
+                                .finest = PALP_CONTACT_FINEST,
                                 .cost = {&palp_target_counted, 0.01f, 0.0f, 0.8f},
                                 .port = {.now_ns = still_clock},
                                 .tool = palp_tool_sphere(0.012f)};
@@ -201,7 +201,7 @@ int main(int argc, char **argv) {
     config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1],
                                             blob.rest_m[3 * top + 2] + 0.012f};
     move_surface(&blob, palp_vec3_at(blob.rest_m + 3 * top));
-    size_t size = palp_servo_memsize(&blob, config.limits);
+    size_t size = palp_servo_memsize(&blob, config.finest);
     if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK) return 1;
 
     FILE *log = fopen(argv[2], "r");
@@ -218,7 +218,6 @@ int main(int argc, char **argv) {
         if ((!more || strcmp(stamp, last) != 0) && last[0] != '\0') {
             uint32_t sent =
                 palp_servo_tick(servo, &(palp_tick_input){.frames = in, .count = n}, out, &report);
-            palp_servo_spare(servo);
             for (uint32_t i = 0; i < sent; i++)
                 mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);
             mix(&report.force_N, sizeof report.force_N);

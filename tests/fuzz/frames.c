@@ -43,8 +43,7 @@ static void set_up(void) {
         files[i] = device_load(names[i]);
         touches[i] = place_body(&blob, &files[i].device, UINT32_MAX);
     }
-    palp_node_contact_limits limits = PALP_NODE_CONTACT_DEFAULTS;
-    bytes = palp_servo_memsize(&blob, limits);
+    bytes = palp_servo_memsize(&blob, PALP_CONTACT_FINEST);
     memory = allocate_aligned(bytes, 1);
 }
 
@@ -104,13 +103,14 @@ static void send(const palp_can_frame *out, uint32_t n) {
 
 static void warm_up(uint32_t which, bool resume) {
     static hand_key key[2] = {{0, {0, 0, 0.004}}, {0.2, {0.002, 0, -0.01}}};
-    palp_servo_config config = {.device = files[which].device,
-                                .placement = touches[which].placement,
-                                .limits = PALP_NODE_CONTACT_DEFAULTS,
-                                .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
-                                .tool = palp_tool_sphere(touches[which].tool_radius_m),
-                                .port = {.now_ns = clock_ns, .context = &now},
-                                .resume = resume};
+    palp_servo_config config = {
+        .device = files[which].device,
+        .placement = touches[which].placement,
+        .finest = PALP_CONTACT_FINEST,
+        .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f},
+        .tool = palp_tool_sphere(touches[which].tool_radius_m),
+        .port = {.now_ns = clock_ns, .context = &now},
+        .resume = resume};
     palp_can_frame frames[64], out[PALP_SERVO_FRAMES_OUT];
     palp_report report = {.tick = 0};
     uint32_t events;
@@ -159,7 +159,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         if ((head & 8u) != 0) input.events = (uint32_t)next(&in) | (uint32_t)(head & 16u) << 4;
         if ((head & 16u) != 0) input.skipped = (head & 32u) != 0 ? UINT32_MAX : next(&in);
         n = palp_servo_tick(servo, &input, out, &report);
-        palp_servo_spare(servo);
         check(&report, d);
         send(out, n);
     }

@@ -7,13 +7,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static palp_node_contact open_contact(const palp_blob *b, float radius, palp_node_contact_limits limits) {
+static palp_node_contact open_contact(const palp_blob *b, float radius,
+                                      palp_node_contact_limits limits) {
     palp_node_contact c;
     size_t bytes = palp_node_contact_memsize(b, limits);
     palp_tool *tool = allocate(1, sizeof *tool);
     *tool = palp_tool_sphere(radius);
-    palp_status status =
-        palp_node_contact_init(&c, b, b->rest_m, tool, 1, limits, allocate_aligned(bytes, 1), bytes);
+    palp_status status = palp_node_contact_init(&c, b, b->rest_m, tool, 1, limits,
+                                                allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
     return c;
 }
@@ -106,7 +107,8 @@ static void test_reference(const baked *b) {
 }
 
 /* One tick of a tool on its spring. */
-static palp_node_coupling_result couple(palp_node_coupling *coupling, palp_node_contact *c, palp_vec3 device) {
+static palp_node_coupling_result couple(palp_node_coupling *coupling, palp_node_contact *c,
+                                        palp_vec3 device) {
     palp_fresh fresh[PALP_MAX_CANDIDATES];
     palp_node_coupling_result result;
     palp_vec3 center;
@@ -233,20 +235,20 @@ static void test_capacities(const baked *b) {
     AT_MOST(r.given, 1e-3, "with capacities exceeded: energy given");
     palp_node_contact c;
     palp_tool tool = palp_tool_sphere(0.1f), bad = palp_tool_sphere(-1);
-    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, (palp_node_contact_limits){0}, NULL,
-                            0) == PALP_ERR_LIMITS,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1,
+                                 (palp_node_contact_limits){0}, NULL, 0) == PALP_ERR_LIMITS,
           "limits of zero are refused");
-    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS, NULL,
-                            0) == PALP_ERR_ARGUMENT,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS,
+                                 NULL, 0) == PALP_ERR_ARGUMENT,
           "a negative radius is refused");
     bad = tool;
     bad.friction = 0.5f;
-    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS, NULL,
-                            0) == PALP_ERR_ARGUMENT,
+    CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &bad, 1, PALP_NODE_CONTACT_DEFAULTS,
+                                 NULL, 0) == PALP_ERR_ARGUMENT,
           "friction without the memory for it is refused");
     size_t bytes = palp_node_contact_memsize(&b->blob, PALP_NODE_CONTACT_DEFAULTS);
     CHECK(palp_node_contact_init(&c, &b->blob, b->blob.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                            allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
+                                 allocate_aligned(bytes, 1), bytes - 1) == PALP_ERR_MEMORY,
           "one byte too few is refused");
 }
 

@@ -242,7 +242,7 @@ static void test_death(void) {
         press(&r.bus.script);
         rig_run(&r, 1.3);
         palp_servo_config config = rig_config(&r, &body.blob);
-        size_t bytes = palp_servo_memsize(&body.blob, config.limits);
+        size_t bytes = palp_servo_memsize(&body.blob, config.finest);
         void *memory = allocate_aligned(bytes, 1);
         if (palp_servo_open(&r.servo, &body.blob, &config, memory, bytes, NULL) != PALP_OK)
             die(EXIT_WORK, "the servo does not open");

@@ -27,11 +27,11 @@ static zoned make_chain(uint32_t n) {
 }
 
 static palp_node_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
-                                  palp_node_contact_limits limits) {
+                                       palp_node_contact_limits limits) {
     palp_node_contact *c = allocate(1, sizeof *c);
     size_t bytes = palp_node_contact_memsize_zones(a->zones, a->seams.finest, limits);
-    if (palp_node_contact_init_zones(c, a, pairs, tool, 1, limits, allocate_aligned(bytes, 1), bytes) !=
-        PALP_OK)
+    if (palp_node_contact_init_zones(c, a, pairs, tool, 1, limits, allocate_aligned(bytes, 1),
+                                     bytes) != PALP_OK)
         die(EXIT_WORK, "contact");
     return c;
 }
@@ -114,7 +114,8 @@ static palp_vec3 press(palp_node_contact *c, palp_vec3 at) {
 static void test_compliance(const zoned *model) {
     palp_assembly *a = model_assembly(model->zones, FINEST);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_node_contact *c = open_contact(a, false, &tool, (palp_node_contact_limits){96, 48, 32, 60, false});
+    palp_node_contact *c =
+        open_contact(a, false, &tool, (palp_node_contact_limits){96, 48, 32, 60, false});
     const float value[PALP_MAX_JOINTS] = {-0.2f, 0.1f};
     pose(a, value);
     for (uint32_t n = 0; n < 12; n++) {
@@ -191,7 +192,8 @@ typedef struct {
 static path_work go_round(const zoned *model, uint32_t steps, uint32_t level) {
     palp_assembly *a = model_assembly(model->zones, level);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_node_contact *c = open_contact(a, false, &tool, (palp_node_contact_limits){96, 60, 40, 90, false});
+    palp_node_contact *c =
+        open_contact(a, false, &tool, (palp_node_contact_limits){96, 60, 40, 90, false});
     path_work r = {.hand_J = 0};
     palp_vec3 last_at = {0.0f, 0.0f, 0.0f};
     double last_J = 0, first_J = 0;
@@ -282,7 +284,8 @@ static void test_pairs(void) {
     remove(labels);
     palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
-    palp_node_contact *c = open_contact(a, true, &tool, (palp_node_contact_limits){96, 48, 16, 90, false});
+    palp_node_contact *c =
+        open_contact(a, true, &tool, (palp_node_contact_limits){96, 48, 16, 90, false});
     palp_vec3 on[3], far = {1.0f, 1.0f, 1.0f};
     uint32_t pairs = 0, before = 0;
     double deepest = 0, force[2] = {0}, jump = 0, last = 0;

@@ -108,7 +108,7 @@ int main(void) {
     palp_tool tool = palp_tool_sphere(0.1f);
     size_t room = palp_node_contact_memsize(&blob, PALP_NODE_CONTACT_DEFAULTS);
     CHECK(palp_node_contact_init(&c, &blob, blob.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                            allocate_aligned(room, 1), room) == PALP_ERR_ARGUMENT,
+                                 allocate_aligned(room, 1), room) == PALP_ERR_ARGUMENT,
           "nothing to touch: contact refuses a scalar blob");
     return tap_done();
 }

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # Counted cases on a target: cases.sh TARGET BLOB SEED EPISODES [hold], to standard output; with hold, held
-# against the target's table. Builds what it
-# needs below build/wcet. TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7, as in servo/target.h.
+# against the target's table; with CASES=surface in the environment those of contact on the surface and whole ticks
+# alone. Builds what it needs below build/wcet. TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7, as in servo/target.h.
 # With TARGET alone it only builds.
 set -e
 target=$1
@@ -33,12 +33,14 @@ if [ ! -e "$out/cases" ] || [ -n "$newer" ]; then
     fi
 fi
 [ $# -lt 4 ] && exit 0
+held=${5:+$target}
+[ -n "$CASES" ] && held="${held:--} $CASES"
 if [ "$target" = cortex-m7 ]; then
     exec qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none \
-        -semihosting-config enable=on,target=native,arg=cases,arg="$2",arg="$3",arg="$4"${5:+,arg=$target} \
+        -semihosting-config enable=on,target=native,arg=cases,arg="$2",arg="$3",arg="$4"$(printf ',arg=%s' $held | sed 's/^,arg=$//') \
         -icount shift=6 -kernel "$out/cases" </dev/null
 fi
 case $out in /*) ;; *) out=$root/$out ;; esac
 count=$(mktemp)
 trap 'rm -f "$count"' EXIT
-PALP_COUNT=$count $run "$out/counter.so,count=$count" "$out/cases" "$2" "$3" "$4" ${5:+$target}
+PALP_COUNT=$count $run "$out/counter.so,count=$count" "$out/cases" "$2" "$3" "$4" $held

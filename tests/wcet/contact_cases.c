@@ -251,10 +251,10 @@ static void price_units(episode *e) {
 
 static palp_node_contact_limits choose_limits(dice *d) {
     static const palp_node_contact_limits some[5] = {{96, 48, 4, 12, false},
-                                                {40, 24, 4, 12, false},
-                                                {160, 80, 6, 16, false},
-                                                {16, 8, 2, 6, false},
-                                                {48, 32, 4, 12, true}};
+                                                     {40, 24, 4, 12, false},
+                                                     {160, 80, 6, 16, false},
+                                                     {16, 8, 2, 6, false},
+                                                     {48, 32, 4, 12, true}};
     return some[dice_below(d, 5)];
 }
 

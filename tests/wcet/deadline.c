@@ -5,10 +5,10 @@
  * the code at the prices of the target "counted", or, built with -DINSTRUCTIONS and run under
  * counter.c, instructions at the prices of the target that it is built for.
  *
- * Two things make ticks run out of time. Budgets go from the least that the servo accepts to the
- * most that the limits allow. And while a solve is under way on a rung that can be given up, the
- * clock leaps, at a look chosen at random, to where nothing is left but what is kept back for
- * giving it up. After either the answer must be there in time.
+ * Two things make ticks run out of time. Budgets go from the least that the answer accepts to the
+ * most that a tick can ask for. And the clock leaps, at a look chosen at random, to where nothing
+ * is left, or a little. Whatever there was to do, what a tick does after a leap must fit what was
+ * kept back.
  */
 #include "blobfile.h"
 #include "tools/hunt.h"
@@ -20,16 +20,15 @@
 #include "instructions.h"
 #endif
 
-#define QUANTA 64u
+#define LOOKS 32u
 
 typedef struct {
-    palp_bounded bounded;
+    palp_answer answer;
     palp_tool tool;
     uint64_t leapt_ns; /* so far */
     uint32_t looks, leap_at;
-    uint32_t rung, quantum; /* of the last look while solving on the finest rung of this tick */
     bool leaps;
-    float left_over; /* share of the quantum that a leap leaves besides */
+    float left_ns; /* that a leap leaves, besides what is kept back for the end */
 } trial;
 
 static uint64_t done_ns(const trial *t) {
@@ -37,24 +36,17 @@ static uint64_t done_ns(const trial *t) {
     (void)t;
     return instructions();
 #else
-    return palp_bounded_work(&t->bounded);
+    return t->answer.contact.work_done;
 #endif
 }
 
-static bool solving(const palp_bounded *b) { return b->coupling.pivots > 0u; }
-
 static uint64_t now_ns(void *context) {
     trial *t = context;
-    palp_bounded *b = &t->bounded;
+    const palp_answer *a = &t->answer;
     uint64_t now = done_ns(t) + t->leapt_ns;
-    if (solving(b) && b->ladder.rung >= t->rung) {
-        t->rung = b->ladder.rung;
-        t->quantum = b->coupling.pivots;
-    }
-    if (!t->leaps || !solving(b) || b->ladder.rung == 0u || !(b->retreat_ns > 0.0f)) return now;
-    if (t->looks++ != t->leap_at) return now;
-    float whole = b->config.cost.margin * 1e9f * b->config.dt_s - b->tail_ns;
-    float left = whole - (float)(now - b->start_ns) - b->retreat_ns * (1.0f + t->left_over) - 2.0f;
+    if (!t->leaps || t->looks++ != t->leap_at) return now;
+    float whole = a->config.cost.margin * 1e9f * a->config.dt_s - a->tail_ns;
+    float left = whole - (float)(now - a->start_ns) - t->left_ns;
     if (left > 0.0f) t->leapt_ns += (uint64_t)left;
     return done_ns(t) + t->leapt_ns;
 }
@@ -73,28 +65,26 @@ int main(int argc, char **argv) {
 #else
     const palp_target *target = &palp_target_counted;
 #endif
-    const palp_node_contact_limits limits = {24, 12, 4, 12, false};
     static trial t;
     float edge = blob.meta->mean_edge_m, least_ns = 0.0f;
-    t.tool = palp_tool_sphere(4.0f * edge);
-    palp_bounded_config config = {.blob = &blob,
-                                  .tools = &t.tool,
-                                  .tool_count = 1,
-                                  .limits = limits,
-                                  .cost = {target, 1.0f, 0.0f, 1.0f},
-                                  .port = {now_ns, &t},
-                                  .dt_s = 1e-3f};
+    t.tool = palp_tool_sphere(2.5f * edge);
+    palp_answer_config config = {.blob = &blob,
+                                 .tools = &t.tool,
+                                 .tool_count = 1,
+                                 .finest = PALP_CONTACT_FINEST,
+                                 .cost = {target, 1.0f, 0.0f, 1.0f},
+                                 .port = {now_ns, &t}};
     palp_prices prices = target->instructions;
-    palp_touch_cost cost = palp_touch_cost_of(&blob, limits, &t.tool, 1, &prices);
-    uint32_t finest = blob.meta->constraint_level;
-    float full_ns = palp_cost_full(&cost, (palp_rung){finest, finest});
+    palp_contact_cost cost = palp_contact_cost_of(&blob, &t.tool, 1, &prices);
+    float full_ns = palp_answer_cost_full(&cost, PALP_CONTACT_FINEST);
     config.dt_s = full_ns * 1e-9f;
-    size_t room = palp_bounded_memsize(&blob, limits);
-    if (palp_bounded_init(&t.bounded, &config, aligned_alloc(64, room), room, &least_ns) != PALP_OK)
+    size_t room = palp_answer_memsize(&blob, 1, PALP_CONTACT_FINEST);
+    if (palp_answer_init(&t.answer, &config, aligned_alloc(64, (room + 63u) / 64u * 64u), room,
+                         &least_ns) != PALP_OK)
         return 1;
-    t.bounded.coupling.spring[0].stiffness_N_per_m = blob.meta->stiffness_max_N_per_m;
-    uint64_t late = 0, late_spare = 0, aborted = 0, shortened = 0, at_quantum[QUANTA] = {0};
-    uint64_t level[PALP_MAX_LEVELS] = {0};
+    t.answer.coupling.tool[0].stiffness_N_per_m = blob.meta->stiffness_max_N_per_m;
+    uint64_t late = 0, held = 0, shortened = 0, at_look[LOOKS] = {0};
+    uint64_t level[PALP_CONTACT_LEVELS] = {0};
     double closest = 0;
     uint32_t node = 0, phase = 0, dwell = 1;
     float depth = 0.0f, tremble = 0.0f, share = 1.0f;
@@ -114,39 +104,36 @@ int main(int argc, char **argv) {
                        (palp_vec3){dice_float(&d), dice_float(&d), dice_float(&d)});
         if (dice_below(&d, 100) == 0u) share = 0.5f + 0.5f * dice_float(&d);
         float budget_ns = least_ns + share * (full_ns - least_ns);
-        t.bounded.config.cost.margin = budget_ns / full_ns;
+        t.answer.config.cost.margin = budget_ns / full_ns;
         t.leaps = dice_below(&d, 2) == 0u;
-        t.looks = t.rung = 0;
-        t.bounded.coupling.pivots = 0; /* not of the tick before */
-        t.leap_at = dice_below(&d, 24);
-        t.left_over = 1e-3f * (float)dice_below(&d, 50);
-        palp_node_coupling_result result;
-        palp_bounded_report r;
+        t.looks = 0;
+        t.leap_at = dice_below(&d, 16);
+        t.left_ns = budget_ns * (dice_below(&d, 2) == 0u ? 0.0f : 0.1f * (1.0f + dice_float(&d)));
+        palp_coupling_result result;
+        palp_answer_report r;
         uint64_t start = now_ns(&t);
-        uint32_t drops = t.bounded.ladder.dropped;
-        palp_bounded_tick(&t.bounded, start, &at, &result, &r);
+        t.looks = 0;
+        palp_answer_tick(&t.answer, start, &at, &result, &r);
+        bool leapt = t.leaps && t.looks > t.leap_at;
         t.leaps = false;
         double used = (double)(now_ns(&t) - start) / (double)budget_ns;
-        late += used > 1;
+        late += used > 1 || !palp_vec3_is_finite(result.force_N);
         closest = fmax(closest, used);
-        aborted += t.bounded.ladder.dropped - drops;
+        held += r.held;
         shortened += r.shortened;
         level[r.level]++;
-        if (t.bounded.ladder.rung < t.rung)
-            at_quantum[t.quantum < QUANTA ? t.quantum : QUANTA - 1u]++;
-        palp_bounded_spare(&t.bounded);
-        late_spare += (double)(now_ns(&t) - start) > (double)budget_ns;
-        if (!palp_vec3_is_finite(result.force_N)) late++;
+        if (r.held && leapt) at_look[t.leap_at < LOOKS ? t.leap_at : LOOKS - 1u]++;
     }
-    printf("%llu ticks, %llu late, %llu late after spare time, nearest %.4f of the budget, %llu "
-           "levels aborted, %llu cut short; on levels",
-           (unsigned long long)ticks, (unsigned long long)late, (unsigned long long)late_spare,
-           closest, (unsigned long long)aborted, (unsigned long long)shortened);
-    for (uint32_t l = 0; l <= finest; l++) printf(" %u: %llu", l, (unsigned long long)level[l]);
-    printf("; given up while solving, after quantum");
-    for (uint32_t q = 0; q < QUANTA; q++) {
-        if (at_quantum[q] > 0) printf(" %u: %llu", q, (unsigned long long)at_quantum[q]);
+    printf("%llu ticks, %llu late, nearest %.4f of the budget, %llu held as foreseen, %llu cut "
+           "short; on levels",
+           (unsigned long long)ticks, (unsigned long long)late, closest, (unsigned long long)held,
+           (unsigned long long)shortened);
+    for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++)
+        printf(" %u: %llu", l, (unsigned long long)level[l]);
+    printf("; held after a leap at look");
+    for (uint32_t q = 0; q < LOOKS; q++) {
+        if (at_look[q] > 0) printf(" %u: %llu", q, (unsigned long long)at_look[q]);
     }
     printf("\n");
-    return late + late_spare > 0 ? 1 : 0;
+    return late > 0 ? 1 : 0;
 }

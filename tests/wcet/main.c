@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Runs cases. With a BLOB, SEED and EPISODES prints each: operation, level, instructions, and the
- * named counts of its bound. With a TARGET too, holds each against its bound there, and prints of
- * each operation and level: cases, most instructions counted, largest bound, the largest share of
- * its bound that a case took, and how many took more than their bound.
+ * named counts of its bound. `surface`: of contact on the surface and whole ticks alone. With a
+ * TARGET, holds each against its bound there, and prints of each operation and level: cases, most
+ * instructions counted, largest bound, the largest share of its bound that a case took, and how
+ * many took more than their bound.
  */
 #include "cases.h"
 #include <stdio.h>
@@ -81,17 +82,19 @@ static _Alignas(64) uint8_t memory[64u << 20];
 #define MEMORY_BYTES (sizeof memory)
 #endif
 
-/* Cases of whatever the blob at the beginning of the memory is. */
-static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes) {
+/* Cases of whatever the blob at the beginning of the memory is; `only`: those of contact on the
+ * surface and of ticks. */
+static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes, bool only) {
     palp_blob blob;
     palp_tets tets;
     palp_zones zones;
     palp_status status = palp_blob_open(&blob, c->memory, bytes);
     if (status == PALP_OK) {
-        cases_of_green(c, &blob, seed, 20u * episodes);
-        cases_of_surface(c, &blob, seed, episodes / 6u + 1u);
-        cases_of_contact(c, &blob, seed, episodes);
+        cases_of_surface(c, &blob, seed, episodes / (only ? 1u : 6u) + 1u);
         cases_of_ticks(c, &blob, seed, episodes);
+        if (only) return 0;
+        cases_of_green(c, &blob, seed, 20u * episodes);
+        cases_of_contact(c, &blob, seed, episodes);
     } else if (palp_tets_open(&tets, c->memory, bytes) == PALP_OK) {
         cases_of_dyna(c, &tets, seed, episodes);
     } else if (palp_zones_open(&zones, c->memory, bytes) == PALP_OK) {
@@ -105,12 +108,12 @@ static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes) {
 
 int main(int argc, char **argv) {
     if (argc < 4) {
-        fprintf(stderr, "usage: cases BLOB SEED EPISODES [TARGET]\n");
+        fprintf(stderr, "usage: cases BLOB SEED EPISODES [TARGET|- [surface]]\n");
         return 2;
     }
     FILE *f = fopen(argv[1], "rb");
     cases c = {memory, MEMORY_BYTES, 0, NULL, print_case};
-    if (argc > 4) {
+    if (argc > 4 && strcmp(argv[4], "-") != 0) {
         c.price = &find_target(argv[4])->instructions;
         c.sink = hold_case;
     }
@@ -124,7 +127,7 @@ int main(int argc, char **argv) {
     fclose(f);
     (void)cases_take(&c, bytes);
     instructions_open();
-    int status = run(&c, bytes, seed, episodes);
+    int status = run(&c, bytes, seed, episodes, argc > 5 && strcmp(argv[5], "surface") == 0);
     print_classes();
     for (uint32_t i = 0; i < CLASSES; i++) status |= class[i].beyond > 0;
     return status;

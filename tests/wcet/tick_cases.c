@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Whole ticks: of the bounded answer and of the servo, as they come and at their worst. */
+/* Whole ticks: of the answer and of the servo, as they come and at their worst. */
 #include "cases.h"
 #include "sim/orbit.h"
 
@@ -9,19 +9,19 @@ typedef struct {
     bool servo;
 } tick_done;
 
-typedef float (*tick_bound)(const palp_touch_cost *cost, const tick_done *d);
+typedef float (*tick_bound)(const palp_contact_cost *cost, const tick_done *d);
 
-static float of_tick(const palp_touch_cost *c, const tick_done *d) {
-    float servo = c->price.of[PALP_WORK_SERVO] + (float)d->frames * c->price.of[PALP_WORK_FRAME];
-    return hunt_bound(c, &d->t) + (d->servo ? servo : 0.0f);
-}
-static float of_servo(const palp_touch_cost *c, const tick_done *d) {
+static float of_servo(const palp_contact_cost *c, const tick_done *d) {
     return c->price.of[PALP_WORK_SERVO] + (float)d->frames * c->price.of[PALP_WORK_FRAME];
 }
-static float of_limits(const palp_touch_cost *c, const tick_done *d) {
-    return palp_cost_full(c, d->t.rung);
+static float of_tick(const palp_contact_cost *c, const tick_done *d) {
+    return hunt_bound(c, &d->t) + (d->servo ? of_servo(c, d) : 0.0f);
 }
-static float of_quantum(const palp_touch_cost *c, const tick_done *d) {
+static float of_full(const palp_contact_cost *c, const tick_done *d) {
+    float servo = palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
+    return palp_answer_cost_full(c, d->t.level) + (d->servo ? servo : 0.0f);
+}
+static float of_quantum(const palp_contact_cost *c, const tick_done *d) {
     (void)d;
     return c->price.of[PALP_WORK_QUANTUM];
 }
@@ -29,7 +29,7 @@ static float of_quantum(const palp_touch_cost *c, const tick_done *d) {
 typedef struct {
     const palp_blob *blob;
     palp_servo_config config;
-    palp_touch_cost *unit;
+    palp_contact_cost *unit;
     palp_servo *servo;
     orbit device;
     cases *c;
@@ -59,23 +59,23 @@ static void tell(session *s, const char *name, uint32_t level, tick_bound bound,
     cases_tell(s->c, name, level, answer, &q, counted);
 }
 
-static session *open_session(cases *c, const palp_blob *blob, palp_node_contact_limits limits,
+static session *open_session(cases *c, const palp_blob *blob, uint32_t level, bool friction,
                              float ball_m) {
     session *s = cases_take(c, sizeof *s);
     *s = (session){.blob = blob,
                    .config = orbit_config(blob, 1000.0f, ball_m),
                    .c = c,
                    .ns_per_instruction = 1e-6f};
-    s->config.limits = limits;
-    s->config.tool.friction = limits.friction ? 0.3f : 0.0f;
+    s->config.finest = level;
+    s->config.tool.friction = friction ? 0.3f : 0.0f;
     s->config.cost = (palp_cost_table){&palp_target_counted, 1e-6f, 0.0f, 0.8f};
     s->config.port = (palp_port){by_instructions, s};
     s->unit = cases_take(c, PALP_WORKS * sizeof *s->unit);
     for (uint32_t k = 0; k < cases_prices(c); k++) {
         palp_prices price = cases_price(c, k);
-        s->unit[k] = palp_touch_cost_of(blob, limits, &s->config.tool, 1, &price);
+        s->unit[k] = palp_contact_cost_of(blob, &s->config.tool, 1, &price);
     }
-    size_t bytes = palp_servo_memsize(blob, limits);
+    size_t bytes = palp_servo_memsize(blob, level);
     palp_status status =
         palp_servo_open(&s->servo, blob, &s->config, cases_take(c, bytes), bytes, NULL);
     return status == PALP_OK ? s : NULL;
@@ -85,8 +85,7 @@ static session *open_session(cases *c, const palp_blob *blob, palp_node_contact_
 static void servo_tick(session *s, const float q[PALP_AXES], uint32_t frames) {
     palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
     palp_report r;
-    uint32_t level = s->blob->meta->constraint_level;
-    tick_done d = {.t = {.rung = {level, level}}, .frames = frames, .servo = true};
+    tick_done d = {.t = {.level = s->config.finest}, .frames = frames, .servo = true};
     for (uint32_t k = 0; k < frames; k += PALP_AXES)
         orbit_speak(&s->device, &s->config.device, q, in + k);
     palp_tick_input input = {.frames = in, .count = frames, .events = 0};
@@ -96,23 +95,19 @@ static void servo_tick(session *s, const float q[PALP_AXES], uint32_t frames) {
     orbit_listen(&s->device, &s->config.device, out, sent);
     if (r.state != PALP_STATE_RUN && r.state != PALP_STATE_DAMPING) {
         tell(s, "servo", 0, of_servo, &d, after - before);
-    } else {
-        if (after - before > s->worst) {
-            s->worst = after - before;
-            tell(s, "session", level, of_limits, &d, after - before);
-        }
-        if (r.pivots > 1u || r.candidates > 0u) return;
-        d.t.solves = d.t.pivots = 1;
-        tell(s, "tick", level, of_tick, &d, after - before);
+    } else if (after - before > s->worst) {
+        s->worst = after - before;
+        tell(s, "session", s->config.finest, of_full, &d, after - before);
     }
     s->config.port.now_ns(s);
 }
 
-static void servo_session(cases *c, const palp_blob *blob, dice *d, palp_node_contact_limits limits,
+static void servo_session(cases *c, const palp_blob *blob, dice *d, uint32_t level,
                           uint32_t ticks) {
     size_t used = c->used;
-    float edge = blob->meta->mean_edge_m;
-    session *s = open_session(c, blob, limits, edge * (1.0f + 2.5f * (1.0f + dice_float(d))));
+    const float edge = blob->meta->mean_edge_m;
+    session *s = open_session(c, blob, level, dice_below(d, 2) == 0u,
+                              edge * (0.6f + 2.7f * (1.0f + dice_float(d))));
     float q[PALP_AXES], depth = 0.1f + 0.05f * dice_float(d);
     uint32_t phase = dice_below(d, 100000), style = dice_below(d, 3);
     for (uint32_t i = 0; i < ticks && s != NULL; i++) {
@@ -123,34 +118,23 @@ static void servo_session(cases *c, const palp_blob *blob, dice *d, palp_node_co
     c->used = used;
 }
 
-/* ---- the bounded answer alone, hunted ---- */
+/* ---- the answer alone, hunted ---- */
 
-static const palp_node_contact_limits rooms[4] = {
-    {96, 48, 4, 12, false}, {40, 24, 4, 12, false}, {16, 8, 2, 6, false}, {48, 32, 4, 12, true}};
-
-/* The limits of a tick alone, without the servo around it. */
-static float of_answer_limits(const palp_touch_cost *c, const tick_done *d) {
-    const palp_prices *p = &c->price;
-    return palp_cost_full(c, d->t.rung) - p->of[PALP_WORK_SERVO] * 1.5f -
-           64.0f * p->of[PALP_WORK_FRAME];
-}
-
-/* Hunting in one of the rooms: what is known of each rung, and of the path under way. */
+/* What is known of the level, and of the path under way. */
 typedef struct {
     session *s;
-    uint32_t room, finest;
-    uint64_t known[2u * PALP_MAX_LEVELS], worst;
+    palp_contact_cost *unit;
+    uint64_t known, worst;
 } chase;
 
 static void told(void *context, const hunt_tick *tick) {
     chase *h = context;
     const tick_done d = {.t = *tick};
-    uint32_t level = 2u * tick->rung.level + (tick->rung.outer < tick->rung.level);
-    if (tick->pivots <= 1u && tick->count == 0u) tell(h->s, "tick", level, of_tick, &d, tick->cost);
-    if (level == h->finest && tick->cost > h->worst) h->worst = tick->cost;
-    if (tick->cost <= h->known[level] && h->s->c->price == NULL) return;
-    h->known[level] = tick->cost;
-    tell(h->s, "whole", 100u * h->room + level, of_answer_limits, &d, tick->cost);
+    if (tick->cost > h->worst) h->worst = tick->cost;
+    tell(h->s, "tick", tick->level, of_tick, &d, tick->cost);
+    if (tick->cost <= h->known && h->s->c->price == NULL) return;
+    h->known = tick->cost;
+    tell(h->s, "whole", tick->level, of_full, &d, tick->cost);
 }
 
 static uint64_t instruction_clock(void *context) {
@@ -158,16 +142,17 @@ static uint64_t instruction_clock(void *context) {
     return instructions();
 }
 
-static void hunt_in_room(cases *c, const palp_blob *blob, dice *d, uint32_t room,
-                         uint32_t sessions) {
+static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t level, bool friction,
+                          uint32_t sessions) {
     size_t used = c->used;
-    chase chased = {.room = room, .finest = 2u * blob->meta->constraint_level};
-    chased.s = open_session(c, blob, rooms[room], blob->meta->mean_edge_m);
+    chase chased = {.known = 0};
+    chased.s = open_session(c, blob, level, friction, 6.5f * blob->meta->mean_edge_m);
     hunter *h = cases_take(c, sizeof *h);
     *h = (hunter){.blob = blob,
-                  .limits = rooms[room],
+                  .level = level,
+                  .friction = friction,
                   .port = {.now_ns = instruction_clock},
-                  .bytes = palp_bounded_memsize(blob, rooms[room]),
+                  .bytes = palp_answer_memsize(blob, 1, level),
                   .told = told,
                   .context = &chased};
     h->memory = cases_take(c, h->bytes);
@@ -176,7 +161,7 @@ static void hunt_in_room(cases *c, const palp_blob *blob, dice *d, uint32_t room
     for (uint32_t i = 0; i < sessions && chased.s != NULL; i++) {
         hunt_path p = i % 3u == 0u ? hunt_random(d) : hunt_mutated(best, d);
         chased.worst = 0;
-        if (!hunt_run(h, &p, 200)) break;
+        if (!hunt_run(h, &p, 60)) break;
         if (chased.worst <= most) continue;
         most = chased.worst;
         best = p;
@@ -184,18 +169,17 @@ static void hunt_in_room(cases *c, const palp_blob *blob, dice *d, uint32_t room
     c->used = used;
 }
 
-/* What palp_bounded_tick does between two steps. */
+/* What palp_answer_tick does between two steps. */
 static void quantum_cases(cases *c, const palp_blob *blob) {
     size_t used = c->used;
-    session *s = open_session(c, blob, PALP_NODE_CONTACT_DEFAULTS, blob->meta->mean_edge_m);
+    session *s = open_session(c, blob, 0, false, blob->meta->mean_edge_m);
     const tick_done d = {.frames = 0};
+    const palp_contact_level l = palp_contact_level_of(0, blob->regular.modes);
     volatile float sum = 0.0f;
     for (uint32_t i = 0; i < 16u && s != NULL; i++) {
         uint64_t before = instructions();
-        sum += palp_cost_pivot(&s->unit[0], 40u + i, 20u) + palp_cost_couple(&s->unit[0], 21u) +
-               palp_cost_begin(&s->unit[0], 40u) + palp_cost_refactor(&s->unit[0], 20u) +
-               palp_cost_admit(&s->unit[0], (palp_rung){0, 0}, 40u, 20u) +
-               (float)by_instructions(s);
+        sum += palp_contact_cost_iterate(&s->unit[0], 40u + i, 20u) +
+               palp_contact_cost_finish(&s->unit[0], l, 60u, 40u, 20u) + (float)by_instructions(s);
         uint64_t after = instructions();
         tell(s, "quantum", 0, of_quantum, &d, after - before);
     }
@@ -205,7 +189,8 @@ static void quantum_cases(cases *c, const palp_blob *blob) {
 void cases_of_ticks(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes) {
     dice d = {seed};
     quantum_cases(c, blob);
-    for (uint32_t room = 0; room < 4u; room++) hunt_in_room(c, blob, &d, room, episodes / 2u);
+    for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++)
+        hunt_on_level(c, blob, &d, l, l % 2u == 0u, episodes / 2u);
     for (uint32_t i = 0; i < episodes; i += 4u)
-        servo_session(c, blob, &d, rooms[i / 4u % 4u], 1500);
+        servo_session(c, blob, &d, i / 4u % (PALP_CONTACT_FINEST + 1u), 900);
 }

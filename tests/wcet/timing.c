@@ -43,23 +43,22 @@ static int compare(const void *a, const void *b) {
 
 /* Cost of a tick: the median, or of instructions the most; after the tool has sunk in. */
 static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
-    static palp_bounded b;
+    static palp_answer b;
     static double cost[TICKS];
     const float edge = blob->meta->mean_edge_m, radius = 4.0f * edge;
     const palp_tool tool = palp_tool_sphere(radius);
-    const palp_node_contact_limits limits = {48, 24, 4, 12, false};
-    const palp_bounded_config config = {.blob = blob,
-                                        .tools = &tool,
-                                        .tool_count = 1,
-                                        .limits = limits,
-                                        .cost = {&palp_target_counted, 1e-6f, 0.0f, 1.0f},
-                                        .port = {.now_ns = no_time},
-                                        .dt_s = 1e-3f};
-    size_t room = palp_bounded_memsize(blob, limits);
+    const palp_answer_config config = {.blob = blob,
+                                       .tools = &tool,
+                                       .tool_count = 1,
+                                       .finest = PALP_CONTACT_FINEST,
+                                       .cost = {&palp_target_counted, 1e-6f, 0.0f, 1.0f},
+                                       .port = {.now_ns = no_time},
+                                       .dt_s = 1e-3f};
+    size_t room = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST);
     void *memory = aligned_alloc(64, (room + 63) / 64 * 64);
-    if (palp_bounded_init(&b, &config, memory, room, NULL) != PALP_OK) exit(1);
+    if (palp_answer_init(&b, &config, memory, room, NULL) != PALP_OK) exit(1);
     float stiffness = 0.5f * blob->meta->stiffness_max_N_per_m;
-    b.coupling.spring[0].stiffness_N_per_m = stiffness;
+    b.coupling.tool[0].stiffness_N_per_m = stiffness;
     uint32_t top = blob->domain[PALP_FREE].node[0];
     for (uint32_t i = 0; i < blob->meta->nodes; i++) {
         if (!palp_node_is_fixed(blob, i) && blob->rest_m[3 * i + 2] > blob->rest_m[3 * top + 2])
@@ -70,13 +69,13 @@ static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
         float sink = 0.4f * palp_min((float)i / 400.0f, 1.0f);
         palp_vec3 at = palp_madd(x, (1.0f - sink) * radius, n);
         if (i > 400 && kind == 0) at.x += 1e-3f * edge * (float)(i % 7);
-        if (i > 400 && kind == 1) b.coupling.spring[0].stiffness_N_per_m = 1e-38f;
+        if (i > 400 && kind == 1) b.coupling.tool[0].stiffness_N_per_m = 1e-38f;
         if (i > 400 && kind == 2) at.x += 1e-41f * (float)(i % 7);
         if (i > 400 && kind == 3) at.x += i % 3 == 0 ? 1e30f : i % 3 == 1 ? -1e30f : 0.0f;
-        palp_node_coupling_result result;
-        palp_bounded_report r;
+        palp_coupling_result result;
+        palp_answer_report r;
         double before = cost_now();
-        palp_bounded_tick(&b, 0, &at, &result, &r);
+        palp_answer_tick(&b, 0, &at, &result, &r);
         cost[i] = cost_now() - before;
         if (i == 400) *active = r.active;
     }

@@ -107,7 +107,7 @@ void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uin
         }
         room = palp_node_contact_memsize_zones(&g->zones, finest, limits);
         if (palp_node_contact_init_zones(&g->contact, &g->assembly, true, &g->tool, 1, limits,
-                                    cases_take(c, room), room) != PALP_OK)
+                                         cases_take(c, room), room) != PALP_OK)
             break;
         for (uint32_t i = 0; i < rounds; i++) one_posture(c, g, &d, fresh);
         c->used = mark;

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * How far the body as a whole has given way near a tool: the displacement by its modes, as an
+ * affine field over the contact,
+ *
+ *     h(y) = mean + slope (y - at)
+ *
+ * A thin part that bends moves by many times the depth that a tool sinks in, and turns. Contact
+ * points are laid where the tool overlaps the surface moved by h of the last tick, so they cover
+ * the contact however far the body has bent. This only says where points are wanted, not what they
+ * feel.
+ */
+#ifndef PALP_CONTACT_GIVEN_H
+#define PALP_CONTACT_GIVEN_H
+
+#include "core/base/real.h"
+
+typedef struct {
+    palp_vec3 at_m, mean_m;
+    float slope[9]; /* row-major */
+} palp_given;
+
+/* slope (y - at) */
+palp_vec3 palp_given_beside(const palp_given *given, palp_vec3 y);
+/* slope d, and its transpose */
+palp_vec3 palp_given_turned(const palp_given *given, palp_vec3 d);
+palp_vec3 palp_given_turned_back(const palp_given *given, palp_vec3 d);
+
+/* The field times a factor. */
+palp_given palp_given_times(const palp_given *given, float factor);
+
+/* Sums for the weighted least squares of places y and their displacements h. */
+typedef struct {
+    float weight;
+    palp_vec3 y, h;
+    float yy[9], hy[9];
+} palp_given_sums;
+
+/* Takes one place in, y and h counted from near the others (for digits). Cost: 30. */
+void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h);
+/* The field, for places counted from `origin_m`. Slopes that few or straight places leave open are
+ * held small. Cost: 150. */
+palp_given palp_given_fit(const palp_given_sums *sums, palp_vec3 origin_m);
+
+#endif

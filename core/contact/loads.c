@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: MIT */
+#include "core/contact/loads.h"
+
+typedef struct {
+    const palp_blob *blob;
+    palp_load *load;
+    uint32_t count, capacity;
+} list;
+
+static void add(list *l, uint32_t slot, palp_vec3 force) {
+    uint32_t i = 0;
+    while (i < l->count && l->load[i].at.slot != slot) i++;
+    if (i == l->count && l->count == l->capacity) {
+        if (l->capacity == 0u) return;
+        i--;
+    }
+    if (i == l->count)
+        l->load[l->count++] =
+            (palp_load){.at = {l->blob->meta->constraint_level, slot}, .force_N = {0}};
+    l->load[i].force_N = palp_add(l->load[i].force_N, force);
+}
+
+/* Replaces the loads from `first` on that are finer than the constraint level by their parents'.
+ * A parent has a lower slot than its child, so each pass takes them up by a level at least. */
+static void raise(list *l, uint32_t first) {
+    const palp_domain *d = &l->blob->domain[PALP_FREE];
+    const uint32_t nodes = l->blob->level[l->blob->meta->constraint_level].nodes;
+    uint32_t i = first;
+    /* at most levels + 1 times the loads */
+    while (i < l->count) {
+        palp_load fine = l->load[i];
+        if (fine.at.slot < nodes) {
+            i++;
+            continue;
+        }
+        l->load[i] = l->load[--l->count];
+        for (uint32_t k = 0; k < 2u; k++) {
+            if (d->predict[2u * fine.at.slot + k] > 0.0f)
+                add(l, d->parent[2u * fine.at.slot + k], palp_scale(0.5f, fine.force_N));
+        }
+    }
+}
+
+uint32_t palp_contact_loads(const palp_contact *contact, uint32_t tool, palp_vec3 friction_N,
+                            palp_load *load, uint32_t count, uint32_t capacity) {
+    const palp_contact *c = contact;
+    const palp_blob *b = c->surface.blob;
+    list l = {b, load, count, capacity};
+    for (uint32_t k = 0; k < c->active_count; k++) {
+        const palp_contact_point *p = &c->point[c->active[k]];
+        if (p->tool != tool || !(p->force_N > 0.0f)) continue;
+        palp_vec3 force = palp_scale(p->force_N, p->m);
+        force = palp_madd(force, -p->force_N / c->normal_N[tool], friction_N);
+        for (uint32_t q = 0; q < 3u; q++) {
+            uint32_t node = b->triangle[3u * p->at.triangle + q];
+            if (palp_node_is_fixed(b, node)) continue;
+            add(&l, palp_node_slot(b, node), palp_scale(p->at.weight[q], force));
+        }
+    }
+    raise(&l, count);
+    return l.count;
+}

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: MIT */
+/* The forces of the last solved contact as loads on nodes, for the display (green/field.h). */
+#ifndef PALP_CONTACT_LOADS_H
+#define PALP_CONTACT_LOADS_H
+
+#include "core/contact/contact.h"
+#include "core/green/field.h"
+
+/*
+ * Adds what one tool does to the body, its friction shared out like the pressure, to the `count`
+ * loads that are there; returns how many there are now. A force within a triangle goes to its
+ * corners with the barycentric weights, one on a node finer than the constraint level to its
+ * parents in equal parts, one on a fixed node to the support. At most `capacity` loads are made:
+ * forces beyond are added to the last one. friction_N: on the tool. Cost: 3 active points times
+ * (capacity + levels).
+ */
+uint32_t palp_contact_loads(const palp_contact *contact, uint32_t tool, palp_vec3 friction_N,
+                            palp_load *load, uint32_t count, uint32_t capacity);
+
+#endif
