@@ -79,8 +79,7 @@ static void tick(bench *b, palp_vec3 at) {
     begin(b);
     uint32_t count = palp_contact_points(c);
     if (count == 0) return;
-    end(b, POINTS, palp_contact_cost_points(i, l, c->places, count),
-        palp_contact_cost_points(y, l, c->places, count));
+    end(b, POINTS, palp_contact_cost_points(i, l, count), palp_contact_cost_points(y, l, count));
     begin(b);
     while (palp_contact_assemble(c)) {}
     end(b, ASSEMBLE, palp_contact_cost_assemble(i, l, count),
@@ -95,8 +94,8 @@ static void tick(bench *b, palp_vec3 at) {
     } while (more);
     begin(b);
     palp_contact_finish(c);
-    end(b, FINISH, palp_contact_cost_finish(i, l, c->places, count, c->active_count),
-        palp_contact_cost_finish(y, l, c->places, count, c->active_count));
+    end(b, FINISH, palp_contact_cost_finish(i, l, count, c->active_count),
+        palp_contact_cost_finish(y, l, count, c->active_count));
 }
 
 /* Of the slowest step. */

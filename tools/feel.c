@@ -329,7 +329,7 @@ static void ripple(bench *b) {
 }
 
 static void levels(bench *b) {
-    static const double goal[PALP_CONTACT_LEVELS] = {4, 4, 4, 2, 2, 2};
+    static const double goal[PALP_CONTACT_LEVELS] = {4, 4, 4, 2, 2};
     const press_errors e = press_levels(b->blob, b->place, b->places);
     for (uint32_t l = 0; l + 1 < PALP_CONTACT_LEVELS; l++) {
         char of[72];

@@ -42,11 +42,11 @@ static palp_vec3 next_place(const hunter *h, const hunt_path *p, dice *d, uint32
 float hunt_bound(const palp_contact_cost *cost, const hunt_tick *tick) {
     const palp_contact_level l = palp_contact_level_of(tick->level, cost->modes);
     float sum = palp_answer_cost_around(cost) + palp_contact_cost_filled(cost, tick->filled);
-    if (tick->places == 0u) return sum;
-    return sum + palp_contact_cost_points(cost, l, tick->places, tick->points) +
+    if (tick->points == 0u) return sum;
+    return sum + palp_contact_cost_points(cost, l, tick->points) +
            palp_contact_cost_assemble(cost, l, tick->points) +
            (float)tick->iterations * palp_contact_cost_iterate(cost, tick->points, tick->active) +
-           palp_contact_cost_finish(cost, l, tick->places, tick->points, tick->active);
+           palp_contact_cost_finish(cost, l, tick->points, tick->active);
 }
 
 static void one_tick(hunter *h, palp_vec3 at) {
@@ -59,7 +59,6 @@ static void one_tick(hunter *h, palp_vec3 at) {
     const palp_contact *c = &h->answer.contact;
     const hunt_tick t = {.level = r.level,
                          .filled = c->filled,
-                         .places = c->places,
                          .points = c->count,
                          .active = c->most_active,
                          .iterations = c->iterations,

@@ -37,7 +37,7 @@ hunt_path hunt_mutated(hunt_path path, dice *d);
 typedef struct {
     uint32_t level;
     palp_lattice_counts filled;
-    uint32_t places, points, active, iterations;
+    uint32_t points, active, iterations;
     uint64_t cost; /* by the clock of the hunt */
 } hunt_tick;
 

@@ -110,7 +110,7 @@ static palp_tool tool_of(const wcet_spec *s, float size) {
 /* The steps of a tick on one level of contact, and all of them. */
 typedef struct {
     palp_contact_level level;
-    uint32_t number, points;
+    uint32_t number;
 } body_level;
 
 typedef float (*body_bound)(const palp_contact_cost *c, const body_level *l);
@@ -119,16 +119,16 @@ static float fill(const palp_contact_cost *c, const body_level *l) {
     return palp_contact_cost_fill(c, l->level);
 }
 static float points(const palp_contact_cost *c, const body_level *l) {
-    return palp_contact_cost_points(c, l->level, l->level.points, l->points);
+    return palp_contact_cost_points(c, l->level, l->level.points);
 }
 static float assemble(const palp_contact_cost *c, const body_level *l) {
-    return palp_contact_cost_assemble(c, l->level, l->points);
+    return palp_contact_cost_assemble(c, l->level, l->level.points);
 }
 static float iterate(const palp_contact_cost *c, const body_level *l) {
-    return palp_contact_cost_iterate(c, l->points, l->level.contacts);
+    return palp_contact_cost_iterate(c, l->level.points, l->level.contacts);
 }
 static float finish(const palp_contact_cost *c, const body_level *l) {
-    return palp_contact_cost_finish(c, l->level, l->level.points, l->points, l->level.contacts);
+    return palp_contact_cost_finish(c, l->level, l->level.points, l->level.contacts);
 }
 static float servo(const palp_contact_cost *c) {
     return palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
@@ -158,9 +158,9 @@ static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *bl
                             bytes = palp_contact_cost_of(blob, &tool, 1, &palp_bytes_touched);
     for (uint32_t n = 0; n <= PALP_CONTACT_FINEST; n++) {
         const palp_contact_level level = palp_contact_level_of(n, instructions.modes);
-        const body_level l = {level, n, palp_contact_most_points(level)};
+        const body_level l = {level, n};
         char counts[64];
-        snprintf(counts, sizeof counts, "%u points, %u in contact, %u modes", l.points,
+        snprintf(counts, sizeof counts, "%u points, %u in contact, %u modes", level.points,
                  level.contacts, level.modes);
         for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++)
             add(t, steps[i].step, counts, (int)n, (int)n, (double)steps[i].of(&instructions, &l),

@@ -191,7 +191,7 @@ _Static_assert(sizeof(palp_zone_entry) == 96, "zone entry layout");
 _Static_assert(sizeof(palp_joint_entry) == 80, "joint entry layout");
 _Static_assert(sizeof(palp_seam_entry) == 128, "seam entry layout");
 
-#define PALP_LEVEL_ERRORS 6u /* levels of contact */
+#define PALP_LEVEL_ERRORS 5u /* levels of contact */
 #define PALP_LEVEL_STRIDE 8u
 
 #define PALP_META_LIFTED 1u    /* lifted wavelets */

@@ -32,7 +32,7 @@ static void half_space_row(const palp_contact *c, uint32_t i, uint32_t count, fl
 /* f B f of one point that stands for its cell, for a unit force along m. */
 static float half_space_self(const palp_contact *c, const palp_contact_point *p) {
     float nu = c->surface.poisson, along = palp_dot(p->m, p->at.n);
-    return c->surface.compliance_m2_per_N * PALP_LATTICE_SELF / palp_contact_cell(c, p) *
+    return c->surface.compliance_m2_per_N * PALP_LATTICE_SELF / p->cell_m *
            (1.0f - nu + 0.5f * nu * (1.0f - along * along));
 }
 
@@ -65,9 +65,8 @@ void palp_contact_gather(palp_contact *contact) {
         bool in = a < n;
         const palp_contact_point *p = &c->point[in ? c->active[a] : 0u];
         const palp_vec3 y = in ? p->at.y : nowhere, f = palp_scale(in ? p->force_N : 0.0f, p->m);
-        const float of[11] = {y.x,           y.y, y.z, p->at.n.x, p->at.n.y,
-                              p->at.n.z,     f.x, f.y, f.z,       palp_contact_cell(c, p),
-                              (float)p->tool};
+        const float of[11] = {y.x, y.y, y.z, p->at.n.x, p->at.n.y,     p->at.n.z,
+                              f.x, f.y, f.z, p->cell_m, (float)p->tool};
         for (uint32_t k = 0; k < 11u; k++) c->pressed[k][a] = of[k];
     }
     for (uint32_t m = 0; m < modes; m++) {
@@ -88,7 +87,7 @@ static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f) {
     const palp_contact_point *point = &c->point[i];
     const float nu = c->surface.poisson, rest = 0.5f - nu;
     const palp_vec3 y = point->at.y, n = point->at.n;
-    const float cell = palp_contact_cell(c, point), tool = (float)point->tool;
+    const float cell = point->cell_m, tool = (float)point->tool;
     float lane[3][LANES] = {{0}};
     for (uint32_t first = 0; first < c->active_count; first += LANES) {
         const float *const *in = (const float *const *)c->pressed;

@@ -6,18 +6,17 @@
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
 #define MOST_SHARE 2.0f
-#define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
+#define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
+#define BLOCK_CHANGES 6u    /* iterations that change many points at once; then one at a time */
 
 /* ---- life ---- */
 
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
-    static const uint32_t cells[PALP_CONTACT_LEVELS] = {22, 22, 22, 10, 20, 40};
-    static const uint32_t stride[PALP_CONTACT_LEVELS] = {2, 2, 2, 1, 1, 1};
-    static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1, 1};
-    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {16, 16, 16, 16, 32, 64};
+    static const uint32_t cells[PALP_CONTACT_LEVELS] = {6, 6, 6, 20, 40};
+    static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1};
+    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 32, 64};
     uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
-    return (palp_contact_level){cells[level], stride[level], 3u * cells[level] + 6u,
-                                contacts[level], m};
+    return (palp_contact_level){cells[level], 3u * cells[level] + 6u, contacts[level], m};
 }
 
 static uint32_t room_of(uint32_t finest) {
@@ -98,44 +97,32 @@ void palp_contact_clear(palp_contact *contact) {
         c->normal_N[t] = c->pressed_m2[t] = 0.0f;
         c->given[t] = (palp_given){.mean_m = {0}};
     }
-    c->count = c->places = c->count_before = c->active_count = 0;
+    c->count = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
     c->crowd = 1.0f;
 }
 
 /* ---- points ---- */
 
+static int16_t nearest(float x) { return (int16_t)(x + (x >= 0.0f ? 0.5f : -0.5f)); }
+
 /* The contact point of the last tick at the same place of the lattice, or next to it; NULL if
  * there is none. */
 static const palp_contact_point *last_of(const palp_contact *c, const palp_contact_point *p,
                                          bool *same) {
     static const int16_t step[7][2] = {{0, 0}, {1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
-    for (uint32_t ring = 0; ring <= c->level.stride; ring++) {
-        for (uint32_t k = ring == 0u ? 0u : 1u; k < (ring == 0u ? 1u : 7u); k++) {
-            uint32_t at = palp_lattice_find(&c->table_before[p->tool],
-                                            (int16_t)(p->i + (int16_t)ring * step[k][0]),
-                                            (int16_t)(p->j + (int16_t)ring * step[k][1]));
-            *same = ring == 0u;
-            if (at < c->count_before) return &c->before[at];
-        }
+    const float before = c->spacing_before[p->tool];
+    float scale = before > 0.0f ? c->lattice[p->tool].used.spacing / before : 1.0f;
+    const bool changed = palp_abs(scale - 1.0f) > OTHER_LATTICE;
+    if (!changed) scale = 1.0f;
+    const int16_t i = nearest(scale * (float)p->i), j = nearest(scale * (float)p->j);
+    for (uint32_t k = 0; k < 7u; k++) {
+        uint32_t at = palp_lattice_find(&c->table_before[p->tool], (int16_t)(i + step[k][0]),
+                                        (int16_t)(j + step[k][1]));
+        *same = k == 0u && !changed;
+        if (at < c->count_before) return &c->before[at];
     }
     return NULL;
-}
-
-/* Contact points first, then the places that only seek the overlap. */
-static void sort_places(palp_contact *c) {
-    const int16_t stride = (int16_t)c->level.stride;
-    c->count = 0;
-    const uint32_t most = palp_contact_most_points(c->level);
-    for (uint32_t k = 0; k < c->places && c->count < most; k++) {
-        palp_contact_point *p = &c->point[k], *to = &c->point[c->count];
-        if (p->i % stride != 0 || p->j % stride != 0) continue;
-        palp_contact_point moved = *to;
-        *to = *p;
-        *p = moved;
-        palp_lattice_move(&c->table[to->tool], to->i, to->j, c->count++);
-        palp_lattice_move(&c->table[p->tool], p->i, p->j, k);
-    }
 }
 
 /* ---- corners ---- */
@@ -174,7 +161,8 @@ static void swap_ticks(palp_contact *c) {
     c->table = c->table_before;
     c->table_before = table;
     c->count_before = c->count;
-    c->count = c->places = 0;
+    c->count = 0;
+    for (uint32_t t = 0; t < c->tool_count; t++) c->spacing_before[t] = c->lattice[t].used.spacing;
 }
 
 /* What the tool asks of a point, about its last displacement. */
@@ -194,9 +182,8 @@ static void linearise(palp_contact *c, uint32_t i) {
         held = palp_madd(held, 1.0f / s->stiffness_N_per_m, c->beyond_N[t]);
     c->target[i] =
         palp_dot(p->m, p->u_m) - gap.gap_m + palp_dot(p->m, palp_sub(held, c->tool_m[t]));
-    const float of[11] = {p->at.y.x,     p->at.y.y, p->at.y.z, p->at.n.x, p->at.n.y,
-                          p->at.n.z,     p->m.x,    p->m.y,    p->m.z,    palp_contact_cell(c, p),
-                          (float)p->tool};
+    const float of[11] = {p->at.y.x, p->at.y.y, p->at.y.z, p->at.n.x, p->at.n.y,     p->at.n.z,
+                          p->m.x,    p->m.y,    p->m.z,    p->cell_m, (float)p->tool};
     for (uint32_t k = 0; k < 11u; k++) c->column[k][i] = of[k];
     list_corners(c, i);
     palp_surface_modes(&c->surface, &p->at, p->m, c->level.modes, c->mode + i, c->room);
@@ -218,7 +205,10 @@ static float foreseen_share(const palp_contact *c, uint32_t t) {
 void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring) {
     palp_contact *c = contact;
+    const float cells = (float)c->level.cells;
     c->level = palp_contact_level_of(c->now, c->surface.blob->regular.modes);
+    for (uint32_t t = 0; t < c->tool_count && cells > 0.0f; t++)
+        c->lattice[t].at.spacing *= palp_sqrt(cells / (float)c->level.cells);
     swap_ticks(c);
     forget_nodes(c);
     bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
@@ -237,12 +227,12 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
 static void next_tool(palp_contact *c) {
     c->filling++;
     c->fillings = 0;
-    c->first = c->places;
+    c->first = c->count;
     if (c->filling < c->tool_count) c->given_share = foreseen_share(c, c->filling);
 }
 
 bool palp_contact_may_skip(const palp_contact *contact) {
-    return contact->fillings > 0u && contact->places > contact->first;
+    return contact->fillings > 0u && contact->count > contact->first;
 }
 
 void palp_contact_skip(palp_contact *contact) { next_tool(contact); }
@@ -257,21 +247,20 @@ bool palp_contact_fill(palp_contact *contact) {
     palp_contact *c = contact;
     const uint32_t t = c->filling;
     if (t >= c->tool_count) return false;
-    const palp_lattice_room room = {
-        .surface = &c->surface,
-        .tool = &c->tools[t],
-        .number = t,
-        .tool_m = c->tool_m[t],
-        .cells = (float)c->level.cells * c->crowd,
-        .given = palp_given_times(&c->given[t], c->given_share),
-        .pressed_m2 = c->level.stride > 1u ? 0.0f : c->pressed_m2[t], /* few points cannot tell */
-        .point = c->point,
-        .count = &c->places,
-        .most = c->level.points,
-        .before = c->before,
-        .count_before = c->count_before,
-        .table = &c->table[t],
-        .done = &c->done};
+    const palp_lattice_room room = {.surface = &c->surface,
+                                    .tool = &c->tools[t],
+                                    .number = t,
+                                    .tool_m = c->tool_m[t],
+                                    .cells = (float)c->level.cells * c->crowd,
+                                    .given = palp_given_times(&c->given[t], c->given_share),
+                                    .pressed_m2 = c->pressed_m2[t],
+                                    .point = c->point,
+                                    .count = &c->count,
+                                    .most = c->level.points,
+                                    .before = c->before,
+                                    .count_before = c->count_before,
+                                    .table = &c->table[t],
+                                    .done = &c->done};
     c->done = (palp_lattice_counts){.fillings = 0};
     uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);
     c->filled = sum_of(c->filled, c->done);
@@ -279,7 +268,7 @@ bool palp_contact_fill(palp_contact *contact) {
                     60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings;
     bool again = (flags & PALP_LATTICE_MOVED) != 0u && ++c->fillings < PALP_LATTICE_FILLINGS;
-    if (c->places == c->first) /* nothing there: the body has come back meanwhile */
+    if (c->count == c->first) /* nothing there: the body has come back meanwhile */
         c->given_share = c->fillings == 1u ? 0.5f * c->given_share : 0.0f;
     if (!again) {
         if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;
@@ -290,7 +279,6 @@ bool palp_contact_fill(palp_contact *contact) {
 
 uint32_t palp_contact_points(palp_contact *contact) {
     palp_contact *c = contact;
-    sort_places(c);
     for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
     if (c->count == 0u) c->active_count = 0;
     return c->count;
@@ -405,7 +393,7 @@ static float pressed_by(const palp_contact *c, uint32_t t) {
     }
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_contact_point *p = &c->point[c->active[a]];
-        float cell = palp_contact_cell(c, p);
+        float cell = p->cell_m;
         if (p->tool == t && p->force_N > 0.0f)
             sum += PALP_LATTICE_CELL * cell * cell *
                    palp_min(2.0f * count * p->force_N / c->normal_N[t], 1.0f);

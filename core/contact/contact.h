@@ -49,23 +49,23 @@
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
- * Coarser levels have fewer points before they have fewer modes. Where few points are left a finer
- * lattice of `cells` still seeks the overlap, and every stride-th place of it, both ways, is a
- * contact point.
+ * Coarser levels have fewer points before they have fewer modes. Points lie about the middle of the
+ * contact in whole shells of the hexagonal lattice (1, 7, 19, 37 in contact), on which its sum
+ * comes near the integral; numbers in between are less exact though they are more.
  *
- *     level            0      1      2     3    4    5
- *     in contact     5.5    5.5    5.5    10   20   40     about; on a plain surface
- *     points, about   13     13     13    19   37   73     where the tool overlaps
- *     modes          1/4    1/2    all   all  all  all
+ *     level              0      1      2     3    4
+ *     in contact         7      7      7    19   37     about, on a plain surface
+ *     points, about     13     13     13    37   73     where the tool overlaps
+ *     modes            1/4    1/2    all   all  all
  */
 typedef struct {
-    uint32_t cells, stride;
-    uint32_t points;   /* room for all places of the lattice, about three times the cells */
+    uint32_t cells;    /* wanted in contact */
+    uint32_t points;   /* room: three times the cells, and some */
     uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */
     uint32_t modes;
 } palp_contact_level;
 #define PALP_CONTACT_LEVELS PALP_LEVEL_ERRORS
-#define PALP_CONTACT_FINEST 4u        /* by default */
+#define PALP_CONTACT_FINEST 3u        /* by default */
 #define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 PALP_CONTACT_MAX_POINTS */
 
 #define PALP_CONTACT_FULL                                                                          \
@@ -89,18 +89,19 @@ typedef struct {
     palp_lattice *lattice;     /* [tool_count] */
     palp_contact_point *point, *before;       /* [room]: of this tick; of the last */
     palp_lattice_table *table, *table_before; /* [tool_count] */
-    uint32_t count, places; /* contact points; with those that only seek the overlap behind them */
+    uint32_t count;                           /* contact points */
     uint32_t count_before;
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */
-    palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
-    palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
-    float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
-    palp_given given[PALP_CONTACT_TOOLS];   /* by the body as a whole, in the last tick */
-    float pressed_m2[PALP_CONTACT_TOOLS];   /* area that pressed */
-    float given_share;                      /* of it, that the tool under way is taken to meet */
-    float energy_J;                         /* f C f / 2 */
+    palp_vec3 tool_m[PALP_CONTACT_TOOLS];     /* where the tools are taken to be */
+    palp_vec3 rest_m[PALP_CONTACT_TOOLS];     /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];    /* exact, on each tool */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];   /* what of it lies beyond - sum lambda m */
+    float normal_N[PALP_CONTACT_TOOLS];       /* sum of lambda */
+    palp_given given[PALP_CONTACT_TOOLS];     /* by the body as a whole, in the last tick */
+    float spacing_before[PALP_CONTACT_TOOLS]; /* of the lattices in the last tick */
+    float pressed_m2[PALP_CONTACT_TOOLS];     /* area that pressed */
+    float given_share;                        /* of it, that the tool under way is taken to meet */
+    float energy_J;                           /* f C f / 2 */
     float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t *node;      /* [3 room] corners of the points' triangles, each once */
     palp_vec3 *node_u_m; /* [3 room] what the modes displace them by */
@@ -121,11 +122,6 @@ typedef struct {
     palp_lattice_counts done, filled;  /* by the last filling; by all of this tick */
     uint64_t work_done;
 } palp_contact;
-
-/* Contact points of a level at most: of a lattice with a stride, half of its places. */
-static inline uint32_t palp_contact_most_points(palp_contact_level level) {
-    return level.stride > 1u ? (level.points + 1u) / 2u : level.points;
-}
 
 /* A level of a blob with `modes`. */
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);

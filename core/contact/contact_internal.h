@@ -19,11 +19,6 @@ enum { IN_Y = 0, IN_N = 3, IN_F = 6, IN_CELL = 9, IN_TOOL = 10 };
 #define NEAREST2 0.25f
 #define SPREAD2 0.056330f /* 1 / PALP_LATTICE_SELF^2 */
 
-/* Spacing of the regular lattice of contact points that a point stands for. */
-static inline float palp_contact_cell(const palp_contact *contact, const palp_contact_point *p) {
-    return p->cell_m * (float)contact->level.stride;
-}
-
 /* row[j], j < count: m_i . C_ij m_j of point i. */
 void palp_contact_compliance_row(palp_contact *contact, uint32_t i, uint32_t count, float *row);
 

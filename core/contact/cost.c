@@ -78,10 +78,9 @@ float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level l
 }
 
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
-                               uint32_t places, uint32_t count) {
+                               uint32_t count) {
     return (float)count * (PRICE(cost, POINT) + cost->evaluation + 3.0f * PRICE(cost, CORNER) +
-                           (float)level.modes * PRICE(cost, MODE_AT)) +
-           (float)places * PRICE(cost, SHOT);
+                           (float)level.modes * PRICE(cost, MODE_AT));
 }
 
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
@@ -104,13 +103,13 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 }
 
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
-                               uint32_t places, uint32_t count, uint32_t active) {
+                               uint32_t count, uint32_t active) {
     const float n = (float)count, a = (float)active, modes = (float)level.modes;
     const float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
-    float sum = n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
+    float sum = cost->tools * PRICE(cost, FINISH) +
+                n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
-                (float)places * (PRICE(cost, FOLLOW) + cost->evaluation) +
-                a * modes * PRICE(cost, MODE_AT);
+                n * (PRICE(cost, FOLLOW) + cost->evaluation) + a * modes * PRICE(cost, MODE_AT);
     if (!cost->friction) return sum;
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +
                          a * a * PRICE(cost, DISPLACE) + corners);

@@ -34,9 +34,9 @@ palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
 
-/* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) + places SHOT */
+/* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) */
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
-                               uint32_t places, uint32_t count);
+                               uint32_t count);
 
 /* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + count
  * (GATHER + POINT / 2 + modes MODE_AT / 4) */
@@ -48,10 +48,11 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
  * a) a DOT + QUANTUM */
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
-/* palp_contact_finish: count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + places (FOLLOW + EVALUATION)
+/* palp_contact_finish: tools FINISH + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count (FOLLOW
+ * + EVALUATION)
  * + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction + 2 (a (POINT + modes
  * MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes CORNER_MODE)) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
-                               uint32_t places, uint32_t count, uint32_t active);
+                               uint32_t count, uint32_t active);
 
 #endif

@@ -25,7 +25,7 @@ static pull half_space_pull(const palp_contact *c, uint32_t i) {
     const palp_contact_point *point = &c->point[i];
     const float nu = c->surface.poisson, rest = 0.5f - nu, plain = 1.0f - nu;
     const palp_vec3 y = point->at.y, n = point->at.n, f = palp_scale(point->force_N, point->m);
-    const float cell = palp_contact_cell(c, point), tool = (float)point->tool;
+    const float cell = point->cell_m, tool = (float)point->tool;
     const float *const *in = (const float *const *)c->pressed;
     float lane[6][LANES] = {{0}};
     for (uint32_t first = 0; first < c->active_count; first += LANES) {
@@ -68,7 +68,7 @@ static pull half_space_pull(const palp_contact *c, uint32_t i) {
 
 /* The same of the point's own B, which its cell and normal decide. */
 static void add_self(const palp_contact *c, const palp_contact_point *p, pull *sum) {
-    float nu = c->surface.poisson, cell = palp_contact_cell(c, p), scale = PALP_LATTICE_SELF / cell;
+    float nu = c->surface.poisson, cell = p->cell_m, scale = PALP_LATTICE_SELF / cell;
     float f2 = p->force_N * p->force_N, along = palp_dot(p->m, p->at.n);
     sum->n = palp_madd(sum->n, -0.5f * nu * scale * f2 * along, p->m);
     sum->cell -= 0.5f * scale / cell * f2 * (1.0f - nu + 0.5f * nu * (1.0f - along * along));
@@ -290,7 +290,7 @@ static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i,
     add_self(c, p, &sum);
     sum.y = palp_madd(f, s->compliance_m2_per_N, sum.y);
     sum.n = palp_scale(s->compliance_m2_per_N, sum.n);
-    sum.cell *= s->compliance_m2_per_N * (float)c->level.stride;
+    sum.cell *= s->compliance_m2_per_N;
     sum.y = palp_add(transposed(z->dy_dq, sum.y), transposed(z->dn_dq, sum.n));
     palp_surface_gradients(s, p->at.triangle, gradient);
     for (uint32_t k = 0; k < 3u; k++) {
@@ -336,7 +336,7 @@ void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_T
     for (uint32_t t = 0; t < c->tool_count; t++) {
         follow_sums f = {.s0 = 0.0f};
         bool any = false;
-        for (uint32_t i = 0; i < c->places; i++) {
+        for (uint32_t i = 0; i < c->count; i++) {
             if (c->point[i].tool != t) continue;
             add_point(c, i, &f);
             any = any || (i < c->count && c->point[i].force_N > 0.0f);
@@ -344,5 +344,5 @@ void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_T
         if (!any) continue;
         beyond_N[t] = palp_add((palp_vec3){f.q[0], f.q[1], f.q[2]}, follow_force(c, t, &f));
     }
-    c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->places;
+    c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

@@ -13,7 +13,7 @@ void palp_coupling_reset(palp_coupling *coupling) {
         k->contact_stiffness_N_per_m = 0.0f;
         palp_friction_reset(&k->friction);
     }
-    coupling->changed = false;
+    coupling->settling = 0;
 }
 
 /* `to`, or as far towards it as `farthest`. */
@@ -114,7 +114,7 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         palp_coupling_tool *k = &coupling->tool[t];
         const float size = palp_tool_size(&c->tools[t]), force = palp_norm(c->force_N[t]);
         palp_vec3 rest = c->rest_m[t];
-        if (coupling->changed && k->touching && c->normal_N[t] > 0.0f) {
+        if (coupling->settling > 0u && k->touching && c->normal_N[t] > 0.0f) {
             palp_vec3 foreseen = palp_sub(k->expected_m, rest);
             palp_vec3 offset = palp_scale(k->stiffness_N_per_m, foreseen);
             float most = PALP_COUPLING_OFFSET * force, length = palp_norm(offset);
@@ -141,7 +141,7 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         end(coupling, t, rest, c->energy_J, dt_s, result);
         if (c->tools[t].friction > 0.0f) palp_friction_settle(&k->friction, rest);
     }
-    coupling->changed = false;
+    if (coupling->settling > 0u) coupling->settling--;
 }
 
 void palp_coupling_hold(palp_coupling *coupling, const palp_contact *contact, float dt_s,

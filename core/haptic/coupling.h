@@ -14,7 +14,8 @@
  * That place serves to lay the contact points, and as the answer of a tick that has no time for
  * more: the body goes on resisting as it did. A tool that leaves the surface is put at the device.
  *
- * A change of the constraint level changes F by a few per cent. The difference O is kept as a force
+ * A change of the constraint level changes F by a few per cent, in the first answers as it settles.
+ * The difference O is kept as a force
  * of its own, which fades with PALP_COUPLING_FADE_S; it is never more than PALP_COUPLING_OFFSET of
  * F, so what it gives or takes is bounded in size and in time.
  */
@@ -25,6 +26,7 @@
 
 #define PALP_COUPLING_FADE_S 0.03f
 #define PALP_COUPLING_OFFSET 0.1f
+#define PALP_COUPLING_SETTLING 3u /* answers after a change of level that O makes up for */
 
 /* One tool on its spring. */
 typedef struct {
@@ -42,7 +44,7 @@ typedef struct {
 typedef struct {
     palp_coupling_tool tool[PALP_CONTACT_TOOLS];
     palp_vec3 next_m[PALP_CONTACT_TOOLS]; /* devices in the tick under way */
-    bool changed;                         /* the level has changed since the last answer */
+    uint32_t settling; /* answers that the contact still takes to settle on another level */
 } palp_coupling;
 
 typedef struct {

@@ -14,11 +14,9 @@ float palp_answer_cost_around(const palp_contact_cost *cost) {
 
 /* Solving and ending with so many iterations, at the most points that the level allows. */
 static float solve_cost(const palp_contact_cost *c, palp_contact_level l, uint32_t iterations) {
-    return palp_contact_cost_points(c, l, l.points, palp_contact_most_points(l)) +
-           palp_contact_cost_assemble(c, l, palp_contact_most_points(l)) +
-           (float)iterations *
-               palp_contact_cost_iterate(c, palp_contact_most_points(l), l.contacts) +
-           palp_contact_cost_finish(c, l, l.points, palp_contact_most_points(l), l.contacts);
+    return palp_contact_cost_points(c, l, l.points) + palp_contact_cost_assemble(c, l, l.points) +
+           (float)iterations * palp_contact_cost_iterate(c, l.points, l.contacts) +
+           palp_contact_cost_finish(c, l, l.points, l.contacts);
 }
 
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
@@ -90,7 +88,7 @@ static uint32_t ticks_of(const palp_answer *a, float seconds) {
 
 static void change_level(palp_answer *a, uint32_t level) {
     a->contact.now = level;
-    a->coupling.changed = true;
+    a->coupling.settling = PALP_COUPLING_SETTLING;
     a->held_in_a_row = a->calm = 0;
 }
 
@@ -147,7 +145,7 @@ static float iteration_ns(const palp_answer *a) {
     const palp_contact *c = &a->contact;
     uint32_t active = c->count < c->level.contacts ? c->count : c->level.contacts;
     return palp_contact_cost_iterate(&a->bound, c->count, active) +
-           palp_contact_cost_finish(&a->bound, c->level, c->places, c->count, active);
+           palp_contact_cost_finish(&a->bound, c->level, c->count, active);
 }
 
 /* False when time has run out. */
@@ -163,8 +161,7 @@ static bool solve(palp_answer *a, palp_answer_report *r) {
         }
         more = palp_contact_iterate(c);
     }
-    if (palp_contact_cost_finish(&a->bound, c->level, c->places, c->count, c->active_count) >
-        left_ns(a))
+    if (palp_contact_cost_finish(&a->bound, c->level, c->count, c->active_count) > left_ns(a))
         return false;
     palp_contact_finish(c);
     return true;

@@ -97,7 +97,8 @@ const palp_target palp_target_counted = {"counted",
                                            [PALP_WORK_DISPLACE] = 64,
                                            [PALP_WORK_FOLLOW] = 1000,
                                            [PALP_WORK_ITERATION] = 40,
-                                           [PALP_WORK_PRESSED] = 20}}};
+                                           [PALP_WORK_PRESSED] = 20,
+                                           [PALP_WORK_FINISH] = 400}}};
 
 const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_PAD] = 64,
@@ -183,4 +184,5 @@ const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_DISPLACE] = 44,
                                          [PALP_WORK_FOLLOW] = 400,
                                          [PALP_WORK_ITERATION] = 64,
-                                         [PALP_WORK_PRESSED] = 32}};
+                                         [PALP_WORK_PRESSED] = 32,
+                                         [PALP_WORK_FINISH] = 512}};

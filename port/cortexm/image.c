@@ -18,7 +18,7 @@
 #define MEMORY_BYTES (256u << 10)
 #endif
 #ifndef FINEST
-#define FINEST 3u /* level of contact */
+#define FINEST 2u /* level of contact */
 #endif
 #define STATE_TICKS 400u /* until the drives are on and the force has risen */
 

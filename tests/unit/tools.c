@@ -22,7 +22,7 @@ static void start(rig *r, const palp_blob *b, uint32_t tools, float stiffness) {
     palp_status status =
         palp_contact_init(&r->contact, b, r->tool, tools, PALP_CONTACT_FINEST, r->memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
-    r->coupling = (palp_coupling){.changed = false};
+    r->coupling = (palp_coupling){.settling = 0};
     palp_coupling_reset(&r->coupling);
     for (uint32_t t = 0; t < tools; t++) r->coupling.tool[t].stiffness_N_per_m = stiffness;
 }

@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix, hstack, vstack
 
 # How much the tightness of an operation's bound matters: sums of many steps are held, but shape
 # little, as their slack is that of counts, not of prices.
-SAY = {"whole": 0.01, "session": 0.01, "tick": 0.01, "drop": 0.05, "climb": 0.05, "follow": 0.05,
+SAY = {"whole": 2, "session": 0.01, "tick": 0.01, "drop": 0.05, "climb": 0.05, "follow": 0.05,
        "load": 0.2, "step": 6, "begin": 4, "search": 3, "admit": 2, "leave": 2}
 p = argparse.ArgumentParser()
 p.add_argument("cases", nargs="+")

@@ -6,7 +6,7 @@
 typedef struct {
     palp_contact_level level;
     palp_lattice_counts done;
-    uint32_t places, count, active;
+    uint32_t count, active;
 } step;
 
 typedef float (*bound_of)(const palp_contact_cost *cost, const step *s);
@@ -26,7 +26,7 @@ static float of_fill(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_filled(c, s->done);
 }
 static float of_points(const palp_contact_cost *c, const step *s) {
-    return palp_contact_cost_points(c, s->level, s->places, s->count);
+    return palp_contact_cost_points(c, s->level, s->count);
 }
 static float of_assemble(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_assemble(c, s->level, s->count);
@@ -35,7 +35,7 @@ static float of_iterate(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_iterate(c, s->count, s->active);
 }
 static float of_finish(const palp_contact_cost *c, const step *s) {
-    return palp_contact_cost_finish(c, s->level, s->places, s->count, s->active);
+    return palp_contact_cost_finish(c, s->level, s->count, s->active);
 }
 
 static palp_vec3 anywhere(dice *d) {
@@ -100,8 +100,7 @@ static void one_tick(episode *e, palp_vec3 at, palp_contact_spring spring) {
     uint64_t before = instructions();
     s.count = palp_contact_points(c);
     uint64_t after = instructions();
-    s.places = c->places;
-    if (s.places == 0u) return; /* what is left belongs to the tick */
+    if (s.count == 0u) return; /* what is left belongs to the tick */
     tell(e, "points", of_points, &s, after - before);
     before = instructions();
     while (s.count > 0u && palp_contact_assemble(c)) {}

@@ -179,7 +179,7 @@ static void quantum_cases(cases *c, const palp_blob *blob) {
     for (uint32_t i = 0; i < 16u && s != NULL; i++) {
         uint64_t before = instructions();
         sum += palp_contact_cost_iterate(&s->unit[0], 40u + i, 20u) +
-               palp_contact_cost_finish(&s->unit[0], l, 60u, 40u, 20u) + (float)by_instructions(s);
+               palp_contact_cost_finish(&s->unit[0], l, 40u, 20u) + (float)by_instructions(s);
         uint64_t after = instructions();
         tell(s, "quantum", 0, of_quantum, &d, after - before);
     }
