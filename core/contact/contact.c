@@ -14,7 +14,7 @@
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
     static const uint32_t cells[PALP_CONTACT_LEVELS] = {6, 6, 6, 20, 40};
     static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1};
-    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 32, 64};
+    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 40, 80};
     uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
     return (palp_contact_level){cells[level], 3u * cells[level] + 6u, contacts[level], m};
 }
@@ -94,7 +94,7 @@ void palp_contact_clear(palp_contact *contact) {
         palp_lattice_clear(&c->table[t]);
         palp_lattice_clear(&c->table_before[t]);
         c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
-        c->normal_N[t] = c->pressed_m2[t] = 0.0f;
+        c->normal_N[t] = 0.0f;
         c->given[t] = (palp_given){.mean_m = {0}};
     }
     c->count = c->count_before = c->active_count = 0;
@@ -253,7 +253,6 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .tool_m = c->tool_m[t],
                                     .cells = (float)c->level.cells * c->crowd,
                                     .given = palp_given_times(&c->given[t], c->given_share),
-                                    .pressed_m2 = c->pressed_m2[t],
                                     .point = c->point,
                                     .count = &c->count,
                                     .most = c->level.points,
@@ -383,24 +382,6 @@ static palp_given given_to(const palp_contact *c, uint32_t t) {
     return palp_given_fit(&sums, c->tool_m[t]);
 }
 
-/* Area of the cells that press; those with less than half of the mean force count in part, so that
- * none comes or goes at once. */
-static float pressed_by(const palp_contact *c, uint32_t t) {
-    float count = 0.0f, sum = 0.0f;
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        if (c->point[c->active[a]].tool == t && c->point[c->active[a]].force_N > 0.0f)
-            count += 1.0f;
-    }
-    for (uint32_t a = 0; a < c->active_count; a++) {
-        const palp_contact_point *p = &c->point[c->active[a]];
-        float cell = p->cell_m;
-        if (p->tool == t && p->force_N > 0.0f)
-            sum += PALP_LATTICE_CELL * cell * cell *
-                   palp_min(2.0f * count * p->force_N / c->normal_N[t], 1.0f);
-    }
-    return sum;
-}
-
 void palp_contact_finish(palp_contact *contact) {
     palp_contact *c = contact;
     palp_vec3 push[PALP_CONTACT_TOOLS] = {{0}};
@@ -425,10 +406,7 @@ void palp_contact_finish(palp_contact *contact) {
         p->u_m = palp_contact_displacement(c, i);
         c->energy_J += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
     }
-    for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->given[t] = given_to(c, t);
-        c->pressed_m2[t] = pressed_by(c, t);
-    }
+    for (uint32_t t = 0; t < c->tool_count; t++) c->given[t] = given_to(c, t);
     palp_contact_exact(c, c->beyond_N);
     for (uint32_t t = 0; t < c->tool_count; t++) {
         const palp_contact_spring *s = &c->spring[t];

@@ -99,7 +99,6 @@ typedef struct {
     float normal_N[PALP_CONTACT_TOOLS];       /* sum of lambda */
     palp_given given[PALP_CONTACT_TOOLS];     /* by the body as a whole, in the last tick */
     float spacing_before[PALP_CONTACT_TOOLS]; /* of the lattices in the last tick */
-    float pressed_m2[PALP_CONTACT_TOOLS];     /* area that pressed */
     float given_share;                        /* of it, that the tool under way is taken to meet */
     float energy_J;                           /* f C f / 2 */
     float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */

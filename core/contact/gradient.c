@@ -5,7 +5,7 @@
  *
  *     dQ/dc = Q_c + Q_p dp/dc
  *
- * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, drawing back)
+ * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, how far behind)
  * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
  *
  * Both are sums over points of how each moves in 3 + PARAMETERS directions: its shot (origin,
@@ -76,7 +76,7 @@ static void add_self(const palp_contact *c, const palp_contact_point *p, pull *s
 
 /* ---- how a point moves ---- */
 
-#define PARAMETERS 6u /* of a lattice: axis 2, origin 2, log of the spacing, drawing back */
+#define PARAMETERS 6u /* of a lattice: axis 2, origin 2, log of the spacing, how far behind */
 #define MOVES (3u + PARAMETERS)
 
 enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
@@ -129,15 +129,14 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
                                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     const palp_given *given = &l->used.given;
-    palp_vec3 drawn = palp_sub(c->tool_m[p->tool], given->mean_m);
-    drawn = palp_madd(drawn, -l->used.back_m, l->used.axis);
+    palp_vec3 at = palp_sub(c->tool_m[p->tool], given->mean_m);
     palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y));
-    z.out = palp_tool_gap(&c->tools[p->tool], drawn, y).normal;
+    z.out = palp_tool_gap(&c->tools[p->tool], at, y).normal;
     z.out_at = palp_add(z.out, palp_given_turned_back(given, z.out));
     return z;
 }
 
-/* `tool`: how the drawn-back tool moves itself. */
+/* `tool`: how the tool moves itself. */
 static point_move move_point(const palp_contact_point *p, const point_slopes *z, bool central,
                              const shot_move *shot, palp_vec3 tool) {
     point_move d;
@@ -153,7 +152,7 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
     return d;
 }
 
-/* How the shot of a point moves in each of the directions, and the drawn-back tool with it. */
+/* How the shot of a point moves in each of the directions, and the tool with it. */
 static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_move shot[MOVES],
                        palp_vec3 tool[MOVES]) {
     const palp_lattice *l = &c->lattice[p->tool];
@@ -174,8 +173,7 @@ static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_
         shot_move *m = &shot[3u + AXIS + k];
         palp_vec3 about = palp_cross(s->axis, s->tangent[k]);
         m->direction = palp_cross(about, p->direction);
-        tool[3u + AXIS + k] = palp_scale(-s->back_m, s->tangent[k]);
-        m->from = tool[3u + AXIS + k];
+        m->from = palp_scale(-s->back_m, s->tangent[k]);
         if (central) continue;
         m->from = palp_cross(about, palp_add(side, s->origin_m));
     }
@@ -188,8 +186,7 @@ static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_
     } else {
         shot[3u + SPACING].from = side;
     }
-    tool[3u + BACK] = palp_scale(-1.0f, s->axis);
-    if (central) shot[3u + BACK].from = tool[3u + BACK];
+    if (central) shot[3u + BACK].from = palp_scale(-1.0f, s->axis);
 }
 
 /* ---- what the lattice follows ---- */
@@ -246,7 +243,7 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
         (1.0f - s->fixed) * 2.0f / 3.0f *
             (2.0f * f->s0 * f->d0[k] / f->s1 - f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
         cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
-    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] : 0.0f;
+    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] - (k == 3u + BACK ? 1.0f : 0.0f) : 0.0f;
 }
 
 /* Adds Q_p dp/dc. */

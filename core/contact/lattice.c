@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "lattice.h"
 
-#define DEPTH 0.7f  /* overlap of the drawn-back tool at most, over its size */
-#define AROUND 1.4f /* overlap that is wanted over what presses; twice where all is plain */
+#define SHALLOW 0.4f /* overlap over the size, from which a sphere's shots come from behind it */
+#define DAMPED 0.4f
 #define COVERS 0.4f /* share of a pad's face from which a lattice begins to keep to its middle */
 #define COVERED 0.8f
 #define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
@@ -55,7 +55,7 @@ void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t
 typedef struct {
     palp_lattice *l;
     const palp_lattice_room *r;
-    palp_vec3 moved_m, drawn_back_m; /* the tool's reference point, seen from the moved surface */
+    palp_vec3 moved_m; /* the tool's reference point, seen from the moved surface */
     bool central;
     uint32_t first;                         /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet; /* left in this filling */
@@ -66,7 +66,7 @@ typedef struct {
 
 /* The gap at a point of the surface, as the body as a whole has moved it. */
 static palp_gap gap_of(const filling *f, palp_vec3 y) {
-    return palp_tool_gap(f->r->tool, f->drawn_back_m,
+    return palp_tool_gap(f->r->tool, f->moved_m,
                          palp_add(y, palp_given_beside(&f->l->at.given, y)));
 }
 
@@ -209,7 +209,7 @@ static bool fill_region(filling *f, const palp_surface_point *from) {
 /* From a node towards the point of the surface that lies deepest in the tool nearby. */
 static bool find_foot(filling *f, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
-    const palp_vec3 from = f->drawn_back_m;
+    const palp_vec3 from = f->moved_m;
     palp_vec3 d;
     if (f->feet == 0u) return false;
     f->feet--;
@@ -310,7 +310,6 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
     *f = (filling){.l = l,
                    .r = r,
                    .moved_m = moved,
-                   .drawn_back_m = palp_madd(moved, -l->at.back_m, l->at.axis),
                    .central = palp_lattice_is_central(r->tool),
                    .first = first,
                    .looks = PALP_LATTICE_LOOKS(r->most),
@@ -329,7 +328,7 @@ static void visit_nodes(filling *f, purpose of) {
     const palp_meta *m = b->meta;
     const float margin = MARGIN * m->mean_edge_m;
     const float reach = palp_lattice_reach(r->tool, b);
-    const palp_vec3 c = f->drawn_back_m;
+    const palp_vec3 c = f->moved_m;
     cell_range cells = cells_around(b, c, reach);
     for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
         for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
@@ -378,16 +377,18 @@ static void set_origin(palp_lattice *l, const palp_tool *tool) {
         l->at.origin_m = palp_madd(center_of(tool), -l->at.back_m, l->at.axis);
 }
 
-/* Spacing of `cells` cells in half of an overlap of A. */
+/* Spacing of `cells` cells in an area. */
 static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
     float size = palp_tool_size(r->tool), floor = FLOOR * size;
-    return (0.5f * area_m2 + PALP_PI_F * floor * floor) / (PALP_LATTICE_CELL * r->cells);
+    return (area_m2 + PALP_PI_F * floor * floor) / (PALP_LATTICE_CELL * r->cells);
 }
 
 static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     filling a;
     l->placed = false;
     l->at.back_m = 0.0f;
+    l->went = (palp_vec3){0};
+    l->grew = 0.0f;
     start_filling(&a, l, r, *r->count);
     a.crossings = PALP_LATTICE_MEASURE;
     visit_nodes(&a, MEASURE);
@@ -408,7 +409,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
     float area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
-    float cell = palp_sqrt(wanted_cell2(r, area_m2));
+    float cell = palp_sqrt(wanted_cell2(r, 0.5f * area_m2));
     l->at.spacing = cell;
     if (palp_lattice_is_central(r->tool)) {
         float distance = palp_norm(palp_sub(a.deepest.y, palp_add(a.moved_m, l->at.origin_m)));
@@ -433,17 +434,9 @@ static float covered(const palp_tool *tool, float area_m2) {
     return palp_clamp((area_m2 / face_m2(tool) - COVERS) / (COVERED - COVERS), 0.0f, 1.0f);
 }
 
-/* Where the tool is to be drawn back to, along the axis: as far as it is pressed too deep; or,
- * below 0, forward, where more is in contact than half of the overlap. */
-static float drawn_back(const palp_lattice *l, const palp_lattice_room *r, float area_m2,
-                        float deepest) {
-    const float most = DEPTH * palp_tool_size(r->tool), depth = l->at.back_m + deepest;
-    if (depth > most) return depth - most;
-    if (l->at.fixed > 0.0f || !(r->pressed_m2 > 0.0f)) return 0.0f;
-    float wanted = deepest * AROUND * r->pressed_m2 / area_m2; /* depth grows with the area */
-    wanted = palp_clamp(0.5f * (deepest + wanted), depth, palp_min(2.0f * depth, most));
-    return depth - wanted;
-}
+/* A change that turns back on the last one is damped, so that a lattice does not go to and fro
+ * between two places of which each points to the other. */
+static float damping(float along) { return along < 0.0f ? DAMPED : 1.0f; }
 
 /* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
  */
@@ -464,30 +457,40 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
     float area_m2 = 4.0f / 3.0f * weight * weight / square;
     l->at.fixed = covered(r->tool, area_m2);
-    float cell2 = wanted_cell2(r, area_m2);
+    float cell2 = wanted_cell2(r, 0.5f * area_m2);
     if (l->at.fixed > 0.0f) /* all of it in contact */
         cell2 += l->at.fixed * (face_m2(r->tool) / (PALP_LATTICE_CELL * r->cells) - cell2);
     float change2 = cell2 * PALP_LATTICE_CELL * weight / cells;
     if (f->full) change2 = palp_max(change2, 1.3f);
-    float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f)), moved;
+    float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f));
+    change = 1.0f + damping((change - 1.0f) * l->grew) * (change - 1.0f);
+    l->grew = change - 1.0f;
+    palp_vec3 went;
     if (f->central) {
-        palp_vec3 before = l->at.axis;
+        const palp_vec3 before = l->at.axis;
         set_axis(l, toward);
-        moved = palp_norm(palp_sub(before, l->at.axis)) / l->at.spacing;
+        went = palp_scale(1.0f / l->at.spacing, palp_sub(l->at.axis, before));
+        float share = damping(palp_dot(went, l->went));
+        set_axis(l, palp_madd(before, share, palp_sub(l->at.axis, before)));
+        went = palp_scale(share, went);
         l->at.spacing = palp_min(l->at.spacing * change, 0.8f);
     } else {
         palp_vec3 shift = palp_scale(1.0f / weight, toward);
         shift = palp_madd(palp_scale(1.0f - l->at.fixed, shift), -l->at.fixed, l->at.origin_m);
         if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
-        l->at.origin_m = palp_add(l->at.origin_m, shift);
+        shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
+        went = palp_scale(1.0f / l->at.spacing, shift);
+        float share = damping(palp_dot(went, l->went));
+        l->at.origin_m = palp_madd(l->at.origin_m, share, shift);
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
-        shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
-        moved = palp_norm(shift) / l->at.spacing;
+        went = palp_scale(share, went);
         l->at.spacing *= change;
     }
-    float back = drawn_back(l, r, area_m2, deepest);
-    moved += palp_abs(back - l->at.back_m) / (DEPTH * palp_tool_size(r->tool));
+    l->went = went;
+    const float size = palp_tool_size(r->tool);
+    const float back = f->central ? palp_max(deepest - SHALLOW * size, 0.0f) : 0.0f;
+    const float moved = palp_norm(went) + palp_abs(back - l->at.back_m) / size;
     l->at.back_m = back;
     set_origin(l, r->tool);
     return palp_abs(change - 1.0f) > CELL_CHANGE || moved > 0.25f;

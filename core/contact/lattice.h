@@ -15,8 +15,9 @@
  * whatever the size of the contact and however many regions it has.
  *
  * The overlap is that with the surface as the body as a whole has moved it in the last tick
- * (given.h), so d_i is what is left for the contact's own neighbourhood. A tool that is pressed
- * deeper than 0.7 of its size is drawn back along the axis until it is not.
+ * (given.h), so d_i is what is left for the contact's own neighbourhood. A sphere that is pressed
+ * deeper than half of its radius sends its shots from behind its centre, so that they still meet
+ * the surface from above.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
@@ -45,7 +46,7 @@ typedef struct {
     float shot_m;        /* length of the shot, to at.q */
     float facing;        /* - n . direction */
     float cell_m;        /* spacing of the regular lattice that it stands for */
-    float overlap_m;     /* of the drawn-back tool, at rest; above 0 */
+    float overlap_m;     /* with the surface as the body as a whole has moved it; above 0 */
     uint32_t tool;
     int16_t i, j;  /* place in the lattice */
     palp_vec3 m;   /* out of the tool, into the body: direction of the force on the body */
@@ -67,8 +68,7 @@ typedef struct {
 typedef struct {
     palp_vec3 axis, tangent[2]; /* orthonormal */
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
-    float
-        back_m; /* how far the tool is drawn back along -axis when pressed deep; below 0: forward */
+    float back_m;     /* from how far behind a sphere's centre its shots come, along -axis */
     float spacing;    /* rad for a sphere, else m */
     palp_given given; /* by the body as a whole */
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
@@ -77,6 +77,8 @@ typedef struct {
 typedef struct {
     palp_lattice_state at;   /* where the next filling will be */
     palp_lattice_state used; /* of the points of this tick */
+    palp_vec3 went;          /* how axis or origin changed in the last filling, over the spacing */
+    float grew;              /* and the spacing, less 1 */
     bool placed;
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
@@ -96,7 +98,6 @@ typedef struct {
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
     palp_given given;          /* by the body as a whole, as foreseen */
-    float pressed_m2;          /* area that pressed in the last tick; 0: none */
     palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
     const palp_contact_point *before; /* [count_before] of the last tick, of all tools */
