@@ -113,7 +113,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 
 CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet feel) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
-	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI)
+	@BUILD=$(BUILD) COUNTS=$(BUILD)/test.counts sh tests/run.sh $(UNIT_BIN) $(CLI)
 
 $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@$(CC) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
@@ -161,8 +161,8 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
 CHECKS := $(patsubst %,tests/check/%.sh,static wcet sanitize same-bits browser direct finger dynamic calculix logs realtime dds zwidth package fuzz vm reproduce)
-check: all $(UNIT_BIN) $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
-	@BUILD=$(BUILD) sh tests/run.sh $(UNIT_BIN) $(CLI) $(CHECKS)
+check: test $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
+	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices

@@ -153,7 +153,7 @@ static void open_player(player *p) {
                  .margin = (float)(budget / period_us)},
         .port = {.now_ns = now_ns, .context = p},
         .dt_s = (float)(1 / p->s.rate_hz)};
-    bytes = palp_bounded_memsize_zones(p->z, s->finest, config.limits);
+    bytes = palp_bounded_memsize(p->z, s->finest, config.limits);
     float bound_ns = 0;
     status = palp_bounded_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
@@ -176,7 +176,7 @@ static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
 
 /* The deformed surface in the world, and how far each node is displaced. */
 static void take_picture(player *p) {
-    const palp_node_contact *c = palp_ladder_contact(&p->b->ladder);
+    const palp_node_contact *c = &p->b->contact;
     palp_node_contact_load(c, p->a);
     const float *total = palp_assembly_total(p->a);
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {

@@ -1,7 +1,9 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# Runs TAP tests and adds them up: sh tests/run.sh COMMAND... Ends with "N passed, N failed, N skipped".
+# Runs TAP tests and adds them up: sh tests/run.sh COMMAND... Ends with "N passed, N failed, N skipped". The numbers
+# also go to the file $COUNTS; those of the file $BEFORE are counted in.
 passed=0 failed=0 skipped=0
+[ -n "$BEFORE" ] && read -r passed failed skipped < "$BEFORE"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 for test in "$@"; do
@@ -21,5 +23,6 @@ for test in "$@"; do
     [ -n "$VERBOSE" ] && cat "$log"
     passed=$((passed + p - s)) failed=$((failed + f)) skipped=$((skipped + s))
 done
+[ -n "$COUNTS" ] && echo "$passed $failed $skipped" > "$COUNTS"
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ]

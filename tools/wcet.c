@@ -212,14 +212,12 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
         add(t, "settle", "all seams", shown, shown, settle[0], settle[1]);
         add(t, "follow", "all candidates", shown, shown, follow[0], follow[1]);
         add(t, "tick", "all that the limits allow", shown, shown,
-            factor[0] + 2 * settle[0] + follow[0] +
-                (double)palp_cost_full(&c[0], (palp_rung){0, 0}),
-            factor[1] + 2 * settle[1] + follow[1] +
-                (double)palp_cost_full(&c[1], (palp_rung){0, 0}));
+            factor[0] + 2 * settle[0] + follow[0] + (double)palp_cost_full(&c[0], 0),
+            factor[1] + 2 * settle[1] + follow[1] + (double)palp_cost_full(&c[1], 0));
     }
     add(t, "least", "approximate seams, least answer", -1, -1,
         least[0] + (double)palp_cost_least(&c[0]), least[1] + (double)palp_cost_least(&c[1]));
-    t->ram_bytes = room + palp_bounded_memsize_zones(&z, finest, s->limits);
+    t->ram_bytes = room + palp_bounded_memsize(&z, finest, s->limits);
     t->stack_bytes = PALP_SERVO_STACK;
 }
 

@@ -67,9 +67,10 @@ palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
     return (palp_lattice_counts){
         .fillings = 2u,
         .around = 2u * (nodes + (uint32_t)cost->rows),
-        .evaluations = 2u * nodes + looks + 2u * PALP_LATTICE_RINGS * (uint32_t)cost->ring +
-                       12u * PALP_LATTICE_FEET + 1u,
-        .shots = looks + 8u * PALP_LATTICE_FEET,
+        .evaluations = 2u * nodes + looks +
+                       2u * PALP_LATTICE_RINGS(level.points) * (uint32_t)cost->ring +
+                       12u * PALP_LATTICE_FEET(level.points) + 1u,
+        .shots = looks + 8u * PALP_LATTICE_FEET(level.points),
         .crossings = PALP_LATTICE_MEASURE + PALP_LATTICE_CROSSINGS(level.points)};
 }
 

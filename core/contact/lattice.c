@@ -314,8 +314,8 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
                    .first = first,
                    .looks = PALP_LATTICE_LOOKS(r->most),
                    .crossings = PALP_LATTICE_CROSSINGS(r->most),
-                   .rings = PALP_LATTICE_RINGS,
-                   .feet = PALP_LATTICE_FEET};
+                   .rings = PALP_LATTICE_RINGS(r->most),
+                   .feet = PALP_LATTICE_FEET(r->most)};
     *r->count = first;
 }
 

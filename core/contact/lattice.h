@@ -33,11 +33,11 @@
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
 #define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
 /* What one filling does at most, with room for so many points. */
-#define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 48u) /* places looked at, each one shot */
-#define PALP_LATTICE_CROSSINGS(room) (4u * (room) + 256u) /* triangles crossed by all shots */
-#define PALP_LATTICE_MEASURE 96u /* triangles crossed before there is a lattice */
-#define PALP_LATTICE_RINGS 24u   /* nodes compared with all their neighbours */
-#define PALP_LATTICE_FEET 8u     /* nearest points of the surface sought, four shots each */
+#define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
+#define PALP_LATTICE_CROSSINGS(room) (5u * (room) + 180u) /* triangles crossed by all shots */
+#define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
+#define PALP_LATTICE_RINGS(room) ((room) / 4u + 8u) /* nodes compared with all their neighbours */
+#define PALP_LATTICE_FEET(room) ((room) / 16u + 3u) /* nearest points sought, four shots each */
 
 /* One contact point. */
 typedef struct {

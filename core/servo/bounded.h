@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The bounded-time answer: contact, friction and coupling of one or several tools within a share of
- * each period, on the finest constraint level that fits (MR 8.2).
+ * The bounded-time answer of a multizone model: posture, contact at nodes, friction and coupling of
+ * one or several tools within a share of each period.
  *
- *   tick   come down to a rung whose least answer, and the retreat below it, fit the time left
+ *   tick   keep the seams up with the posture, on the finest level that leaves time for the contact
  *          take in candidates while there is time for them and for the answer
- *          solve pivot by pivot; when what is left comes down to the retreat, retreat
- *   spare  after the answer is sent: prepare the next finer rung, and climb when it is ready
+ *          solve pivot by pivot while there is time for another
+ *   spare  after the answer is sent: finer factors of the seams
  *
  * The clock is looked at before each step, whose bound is known (budget.h), so nothing is begun
- * that could end late. On the coarsest rung there is no retreat: steps stop in time, and the best
- * forces so far, which are always feasible, are the answer.
+ * that could end late; the best forces so far, which are always feasible, are the answer.
  */
 #ifndef PALP_SERVO_BOUNDED_H
 #define PALP_SERVO_BOUNDED_H
@@ -18,8 +17,7 @@
 #include "core/servo/budget.h"
 
 typedef struct {
-    const palp_blob *blob;
-    palp_assembly *assembly; /* instead of blob: a multizone model, held by reference */
+    palp_assembly *assembly; /* held by reference */
     bool pairs;              /* its zones touch each other */
     const palp_tool *tools;  /* kept by reference */
     uint32_t tool_count;
@@ -49,33 +47,25 @@ typedef struct {
     palp_seam_cost seam_cost[PALP_SEAM_LEVELS + 1u]; /* of each level, then of the approximation */
     bool finer;                                      /* a finer factor is under way in spare time */
     uint32_t barred; /* level that spare time gave up until the posture changes */
-    palp_ladder ladder;
+    palp_node_contact contact;
     palp_node_coupling
-        coupling;              /* the caller sets stiffness and damping of each spring after init */
-    palp_fresh *fresh;         /* [max_new] */
-    uint64_t start_ns;         /* of the tick under way */
-    float retreat_ns, tail_ns; /* kept back: for a coarser answer, for the end of a tick */
-    uint32_t retreat_load;     /* hats that a coarser answer would begin with */
-    uint32_t cut_short;        /* ticks in a row in which time ran out */
-    uint32_t
-        climb_wait; /* ticks on a rung before a finer one is prepared; grows while climbs fail */
-    uint32_t since_climb;
+        coupling;      /* the caller sets stiffness and damping of each spring after init */
+    palp_fresh *fresh; /* [max_new] */
+    uint64_t start_ns; /* of the tick under way */
+    float tail_ns;     /* kept back for the end of a tick */
 } palp_bounded;
 
 typedef struct {
-    uint32_t level, outer; /* levels of the answer, under the tool and around it */
-    uint32_t aborted;      /* rungs given up in this tick */
     uint32_t flags, pivots, candidates, active, admitted, deferred;
     bool shortened; /* did less than the limits allow because time ran out */
 } palp_bounded_report;
 
-size_t palp_bounded_memsize(const palp_blob *blob, palp_node_contact_limits limits);
-size_t palp_bounded_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_node_contact_limits limits);
+size_t palp_bounded_memsize(const palp_zones *zones, uint32_t finest,
+                            palp_node_contact_limits limits);
 
 /*
- * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer of the coarsest
- * rung does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
+ * Errors: LIMITS, ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the least answer
+ * does not fit the period; *bound_ns (may be NULL) then says how much time it needs.
  * After an error *bounded is not to be used.
  */
 palp_status palp_bounded_init(palp_bounded *bounded, const palp_bounded_config *config,

@@ -83,19 +83,16 @@ static uint32_t no_more(uint32_t limit, float nodes) {
     return nodes < (float)limit ? (uint32_t)nodes : limit;
 }
 
-float palp_cost_full(const palp_touch_cost *cost, palp_rung rung) {
+float palp_cost_full(const palp_touch_cost *cost, uint32_t level) {
     palp_touch_cost c = *cost;
     palp_node_contact_limits *l = &c.limits;
-    float nodes = c.nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    float nodes = c.nodes[level < PALP_MAX_LEVELS ? level : 0u];
     l->max_candidates = no_more(l->max_candidates, nodes);
     l->max_active = no_more(l->max_active, nodes);
-    bool lowest = rung.level == 0u; /* nothing to look at below */
-    const palp_rung below = {lowest ? 0u : rung.level - 1u, lowest ? 0u : rung.level - 1u};
-    float look = lowest ? 0.0f : palp_cost_load(&c, below, l->max_candidates, l->max_active);
-    return servo(&c) + palp_cost_tail(&c, l->max_active) + look +
-           palp_cost_search(&c, rung, l->max_candidates, l->max_active) + full_answer(&c) +
+    return servo(&c) + palp_cost_tail(&c, l->max_active) +
+           palp_cost_search(&c, level, l->max_candidates, l->max_active) + full_answer(&c) +
            (float)l->max_new *
-               (palp_cost_admit(&c, rung, l->max_candidates, l->max_active) + PRICE(&c, QUANTUM));
+               (palp_cost_admit(&c, level, l->max_candidates, l->max_active) + PRICE(&c, QUANTUM));
 }
 
 float palp_cost_least(const palp_touch_cost *cost) {
@@ -108,6 +105,6 @@ float palp_cost_least(const palp_touch_cost *cost) {
     uint32_t count = no_more(l.max_candidates, cost->nodes[level]);
     uint32_t active = no_more(l.max_active, cost->nodes[level]);
     return servo(cost) + palp_cost_tail(cost, active) +
-           palp_cost_search(cost, (palp_rung){level, level}, count, active) +
+           palp_cost_search(cost, level, count, active) +
            palp_cost_answer(cost, count, active, PALP_NODE_COUPLING_SOLVES);
 }

@@ -28,7 +28,7 @@ typedef struct {
 
 bool palp_cost_table_is_sound(const palp_cost_table *table);
 
-#define PALP_LEAST_PIVOTS 6u /* per tick, in the least answer on a rung */
+#define PALP_LEAST_PIVOTS 6u /* per tick, in the least answer */
 
 /* In ns. */
 palp_prices palp_prices_of(const palp_cost_table *table);
@@ -42,9 +42,9 @@ float palp_cost_tail(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t active,
                        uint32_t pivots);
 
-/* The whole tick: everything that the limits allow on one rung, with the look at what giving it up
- * would cost, and the least that still is an answer, on the coarsest one. */
-float palp_cost_full(const palp_touch_cost *cost, palp_rung rung);
+/* The whole tick: everything that the limits allow on one level, and the least that still is an
+ * answer, on the coarsest one. */
+float palp_cost_full(const palp_touch_cost *cost, uint32_t level);
 float palp_cost_least(const palp_touch_cost *cost);
 
 #endif

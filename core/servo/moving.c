@@ -96,7 +96,7 @@ static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
 void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
     palp_bounded *b = bounded;
     palp_assembly *a = b->config.assembly;
-    palp_node_contact *c = palp_ladder_contact(&b->ladder);
+    palp_node_contact *c = &b->contact;
     float drift = palp_assembly_drift(a);
     bool near = c->count > 0u;
     palp_assembly_relax(a, palp_min(b->config.dt_s / FADE_S, 1.0f));
@@ -131,7 +131,7 @@ void palp_moving_spare(palp_bounded *bounded) {
     palp_bounded *b = bounded;
     palp_assembly *a = b->config.assembly;
     palp_seams *q = &a->seams;
-    uint32_t count = palp_ladder_contact(&b->ladder)->count;
+    uint32_t count = b->contact.count;
     uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;
     if (palp_assembly_drift(a) > PALP_REUSE_NEAR || a->level == q->finest) return;
     if (b->barred == next) return; /* it was not sound, or not affordable, in this posture */

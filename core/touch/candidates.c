@@ -19,7 +19,7 @@ static uint32_t longest_row(const palp_blob *b) {
 }
 
 void palp_node_contact_lay_out(palp_node_contact *contact, palp_arena *arena, uint32_t longest,
-                          uint32_t most_slots) {
+                               uint32_t most_slots) {
     palp_node_contact *c = contact;
     const palp_node_contact_limits l = c->limits;
     uint32_t slots = c->first_slot[c->bodies];
@@ -64,7 +64,7 @@ size_t palp_node_contact_memsize(const palp_blob *blob, palp_node_contact_limits
 }
 
 palp_status palp_node_contact_begin_use(palp_node_contact *contact, const palp_tool *tools,
-                                   uint32_t tool_count) {
+                                        uint32_t tool_count) {
     palp_node_contact *c = contact;
     if (tool_count < 1u || tool_count > PALP_MAX_TOOLS) return PALP_ERR_ARGUMENT;
     for (uint32_t t = 0; t < tool_count; t++) {
@@ -86,19 +86,20 @@ void palp_node_contact_clean(palp_node_contact *contact, uint32_t most_slots) {
     for (uint32_t i = 0; i < (most_slots + 31u) / 32u; i++) c->scratch.mark[i] = 0u;
 }
 
-palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob, const float *position_m,
-                              const palp_tool *tools, uint32_t tool_count,
-                              palp_node_contact_limits limits, void *memory, size_t bytes) {
+palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob,
+                                   const float *position_m, const palp_tool *tools,
+                                   uint32_t tool_count, palp_node_contact_limits limits,
+                                   void *memory, size_t bytes) {
     palp_arena arena = {.base = memory};
     palp_node_contact *c = contact;
     uint32_t slots = blob->domain[PALP_FREE].slots;
     if (!palp_node_contact_limits_sound(limits)) return PALP_ERR_LIMITS;
     if (palp_blob_has(blob, PALP_META_SCALAR)) return PALP_ERR_ARGUMENT; /* nothing to touch */
     *c = (palp_node_contact){.blob = blob,
-                        .position_m = position_m,
-                        .limits = limits,
-                        .bodies = 1,
-                        .first_slot = {0, slots}};
+                             .position_m = position_m,
+                             .limits = limits,
+                             .bodies = 1,
+                             .first_slot = {0, slots}};
     palp_status status = palp_node_contact_begin_use(c, tools, tool_count);
     if (status != PALP_OK) return status;
     if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
@@ -119,7 +120,8 @@ void palp_node_contact_clear(palp_node_contact *contact, uint32_t level) {
     contact->outer = contact->level;
 }
 
-void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer, float zone) {
+void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer,
+                                   float zone) {
     palp_node_contact_clear(contact, level);
     contact->outer = outer;
     contact->zone = zone;
@@ -139,14 +141,16 @@ static uint32_t level_at(const palp_node_contact *c, uint32_t slot, float reach)
     return slot < c->blob->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
 }
 
-uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot, uint32_t tool) {
+uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot,
+                                    uint32_t tool) {
     const palp_node_contact *c = contact;
     const palp_blob *b = c->blob;
     if (slot >= b->level[c->level].nodes) return PALP_MAX_LEVELS;
     if (!is_mixed(c)) return c->level;
     uint32_t node = b->domain[PALP_FREE].node[slot];
-    palp_touch at = palp_tool_at(&c->tools[tool], c->about[tool], palp_node_contact_place(c, 0, node),
-                                 palp_node_contact_normal(c, 0, node));
+    palp_touch at =
+        palp_tool_at(&c->tools[tool], c->about[tool], palp_node_contact_place(c, 0, node),
+                     palp_node_contact_normal(c, 0, node));
     return level_at(c, slot, at.reach);
 }
 
@@ -165,8 +169,8 @@ static uint32_t cell_of(const palp_meta *m, uint32_t axis, float x) {
 }
 
 /* Nearest node among the 27 cells around p, then downhill along the surface. */
-uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body, palp_vec3 rest_m,
-                              uint32_t nearest) {
+uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body,
+                                   palp_vec3 rest_m, uint32_t nearest) {
     const palp_blob *blob = palp_node_contact_blob(contact, body);
     const float *place = contact->assembly != NULL ? blob->rest_m : contact->position_m;
     const palp_meta *m = blob->meta;
@@ -364,13 +368,14 @@ static void shrink_relief(palp_node_contact *c) {
     palp_vec3 moved[PALP_MAX_TOOLS + 1u] = {{0}};
     for (uint32_t t = 0; t < c->tool_count; t++) {
         if (c->grip[t].stiffness_N_per_m > 0.0f)
-            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
+            moved[t] =
+                palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
     }
     for (uint32_t i = 0; i < c->count; i++) {
         palp_candidate *k = &c->candidate[i];
         if (!(k->relief_m > 0.0f) || k->active) continue;
-        float missing =
-            k->target_m - palp_dot(k->at.push, moved[k->tool]) - palp_node_contact_indentation(c, i);
+        float missing = k->target_m - palp_dot(k->at.push, moved[k->tool]) -
+                        palp_node_contact_indentation(c, i);
         c->work_done += c->active_count;
         if (missing < 0.0f) k->relief_m = palp_max(k->relief_m + missing, 0.0f);
     }
@@ -455,7 +460,8 @@ static void propose_scan(palp_node_contact *c, proposals *p) {
     }
 }
 
-uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center, palp_fresh *fresh) {
+uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center,
+                                  palp_fresh *fresh) {
     palp_node_contact *c = contact;
     if (c->tool_count == 0u) return 0; /* init refuses that */
     proposals p = {.center = center, .fresh = fresh, .looks = PALP_NODE_CONTACT_LOOKS};
@@ -471,7 +477,8 @@ uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *c
     propose_walk(c, &p);
     propose_scan(c, &p);
     if (c->assembly == NULL) return p.found;
-    return p.found + palp_node_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
+    return p.found +
+           palp_node_contact_search_pairs(c, fresh + p.found, c->limits.max_new - p.found);
 }
 
 /* ---- compliances ---- */
@@ -557,7 +564,8 @@ static bool make_room(palp_node_contact *c, float depth_m) {
 }
 
 /* The row of W^-1 for a place on a body; true where a table makes it needless. */
-bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot, palp_row *row) {
+bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot,
+                                palp_row *row) {
     palp_node_contact *c = contact;
     const palp_blob *b = palp_node_contact_blob(c, body);
     uint32_t level = level_in(c, body);
@@ -599,9 +607,10 @@ void palp_node_contact_admit(palp_node_contact *contact, palp_fresh fresh) {
     uint32_t i = c->count;
     palp_candidate *k = &c->candidate[i];
     *k = made;
-    bool fits = palp_node_contact_make_row(c, k->body, k->slot, &c->row[i]) &&
-                (k->tool != PALP_ZONE_TOOL ||
-                 palp_node_contact_make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
+    bool fits =
+        palp_node_contact_make_row(c, k->body, k->slot, &c->row[i]) &&
+        (k->tool != PALP_ZONE_TOOL ||
+         palp_node_contact_make_row(c, k->facing.body, k->facing.slot, &c->row[stride + i]));
     if (!fits) { /* a blob that understates max_row */
         c->flags |= PALP_NODE_CONTACT_CANDIDATES_FULL;
         return;

@@ -24,7 +24,8 @@ palp_vec3 palp_node_contact_force(const palp_node_contact *contact, uint32_t too
     return force;
 }
 
-float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool, palp_vec3 *axis) {
+float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool,
+                                     palp_vec3 *axis) {
     palp_vec3 sum = {0};
     float total = 0.0f;
     for (uint32_t a = 0; a < contact->active_count; a++) {
@@ -179,7 +180,8 @@ static uint32_t most_violated(palp_node_contact *c) {
     for (uint32_t t = 0; t < c->tool_count; t++) {
         worst[t] = PENETRATION_MIN * c->size_m[t];
         if (c->grip[t].stiffness_N_per_m > 0.0f)
-            moved[t] = palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
+            moved[t] =
+                palp_scale(1.0f / c->grip[t].stiffness_N_per_m, palp_node_contact_force(c, t));
     }
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_candidate *k = &c->candidate[i];
@@ -205,7 +207,8 @@ static void relieve_idle(palp_node_contact *c) {
     }
 }
 
-void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about, const palp_grip *grip) {
+void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about,
+                             const palp_grip *grip) {
     palp_node_contact *c = contact;
     c->solves++;
     c->pivots_now = 0;

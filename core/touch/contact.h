@@ -24,9 +24,9 @@
  *
  * On a multizone model each zone is a body of its own, on its constraint level, and the compliance
  * has the seams' response on top (zone/assembly.h): candidates are moved along and compliances
- * renewed by palp_node_contact_follow whenever the posture has changed. Zones also touch each other: a
- * candidate of PALP_ZONE_TOOL is a node of one zone before a node of another, pushed apart along
- * their mean normal.
+ * renewed by palp_node_contact_follow whenever the posture has changed. Zones also touch each
+ * other: a candidate of PALP_ZONE_TOOL is a node of one zone before a node of another, pushed apart
+ * along their mean normal.
  *
  * A candidate that is found already under a tool (it came late, belongs to the far side of a thin
  * part, found no room, or takes over from another level) is relieved of that depth: it feels only
@@ -54,7 +54,7 @@ typedef struct {
 #define PALP_NODE_CONTACT_SCAN 32u    /* slots looked at in turn by each search */
 #define PALP_NODE_CONTACT_DESCENT 32u /* moves of the nearest node, at most */
 #define PALP_NODE_CONTACT_WALK 24u    /* candidates whose neighbours are, in turn */
-#define PALP_NODE_CONTACT_LOOKS                                                                         \
+#define PALP_NODE_CONTACT_LOOKS                                                                    \
     48u /* close looks at those, and as many as slots in turn at the slots                         \
          */
 #define PALP_NODE_CONTACT_DEFAULTS ((palp_node_contact_limits){96u, 48u, 4u, 12u, false})
@@ -67,8 +67,9 @@ typedef struct {
 #define PALP_NODE_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
 #define PALP_NODE_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
 
-#define PALP_ZONE_TOOL PALP_MAX_TOOLS /* stands for the other zones */
-#define PALP_NODE_CONTACT_PAIR_SCAN 4u     /* nodes that are compared with other zones by each search */
+#define PALP_ZONE_TOOL PALP_MAX_TOOLS  /* stands for the other zones */
+#define PALP_NODE_CONTACT_PAIR_SCAN 4u /* nodes that are compared with other zones by each search  \
+                                        */
 
 /* Something that search found: a slot of the contact's level, and the tool near it. */
 typedef struct {
@@ -153,19 +154,21 @@ size_t palp_node_contact_memsize(const palp_blob *blob, palp_node_contact_limits
  * are kept by reference. Starts on the blob's constraint level. Errors: LIMITS, ARGUMENT (unsound
  * tools, or friction without limits.friction), MEMORY, ALIGNMENT; *contact is then not to be used.
  */
-palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob, const float *position_m,
-                              const palp_tool *tools, uint32_t tool_count,
-                              palp_node_contact_limits limits, void *memory, size_t bytes);
+palp_status palp_node_contact_init(palp_node_contact *contact, const palp_blob *blob,
+                                   const float *position_m, const palp_tool *tools,
+                                   uint32_t tool_count, palp_node_contact_limits limits,
+                                   void *memory, size_t bytes);
 
 /*
  * The same on a multizone model, held by reference, with PALP_ZONE_TOOL contact if `pairs`.
  * Friction needs compliances along three directions and is not offered: ARGUMENT.
  */
 size_t palp_node_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_node_contact_limits limits);
-palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assembly *assembly, bool pairs,
-                                    const palp_tool *tools, uint32_t tool_count,
-                                    palp_node_contact_limits limits, void *memory, size_t bytes);
+                                       palp_node_contact_limits limits);
+palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assembly *assembly,
+                                         bool pairs, const palp_tool *tools, uint32_t tool_count,
+                                         palp_node_contact_limits limits, void *memory,
+                                         size_t bytes);
 
 /*
  * Moves all candidates along with the posture and renews their compliances by the seams' factor in
@@ -182,7 +185,8 @@ void palp_node_contact_load(const palp_node_contact *contact, palp_assembly *ass
 void palp_node_contact_clear(palp_node_contact *contact, uint32_t level);
 
 /* The same on two levels, both with tables, the outer one just below the inner. */
-void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer, float zone);
+void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer,
+                                   float zone);
 
 /* The level on which a contact would take `slot` for a tool: the inner or the outer one, or
  * PALP_MAX_LEVELS if the slot is not on it. */
@@ -191,11 +195,12 @@ uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t s
 /*
  * Updates the candidates for tools at center[tool_count]: drops idle ones out of reach, walks the
  * surface from the others and from the node nearest to a tool that touches nothing, looks at the
- * next PALP_NODE_CONTACT_SCAN slots in turn, and lists up to max_new to take in, deepest first. Returns
- * how many are listed in `fresh`. Cost: max_candidates (1 + max_ring) + PALP_NODE_CONTACT_SCAN
- * evaluations of a tool, and one look at 27 grid cells.
+ * next PALP_NODE_CONTACT_SCAN slots in turn, and lists up to max_new to take in, deepest first.
+ * Returns how many are listed in `fresh`. Cost: max_candidates (1 + max_ring) +
+ * PALP_NODE_CONTACT_SCAN evaluations of a tool, and one look at 27 grid cells.
  */
-uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center, palp_fresh *fresh);
+uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *center,
+                                  palp_fresh *fresh);
 
 /*
  * Takes one in. On a level with a table: count + 1 look-ups; else one row of W^-1 and 2 count + 1
@@ -215,7 +220,8 @@ void palp_node_contact_admit(palp_node_contact *contact, palp_fresh fresh);
  * nothing left to do or max_pivots are spent. Cost of a step: 2.5 active^2 for the solve, 2.5
  * active^2 for the exchange, count * active for the violations.
  */
-void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about, const palp_grip *grip);
+void palp_node_contact_begin(palp_node_contact *contact, const palp_vec3 *about,
+                             const palp_grip *grip);
 bool palp_node_contact_step(palp_node_contact *contact);
 /* Force on tool `tool` (N). */
 palp_vec3 palp_node_contact_force(const palp_node_contact *contact, uint32_t tool);
@@ -227,23 +233,26 @@ palp_vec3 palp_node_contact_solve(palp_node_contact *contact, palp_vec3 about, p
 float palp_node_contact_energy(const palp_node_contact *contact);
 
 /* Sum of the normal forces under tool `tool` (N), and the direction of their resultant. */
-float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool, palp_vec3 *axis);
+float palp_node_contact_normal_force(const palp_node_contact *contact, uint32_t tool,
+                                     palp_vec3 *axis);
 
 /* For the files of this folder. */
 palp_touch palp_node_contact_see(const palp_node_contact *contact, const palp_candidate *candidate,
-                            const palp_vec3 *center);
+                                 const palp_vec3 *center);
 const palp_blob *palp_node_contact_blob(const palp_node_contact *contact, uint32_t body);
-uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body, palp_vec3 rest_m,
-                              uint32_t nearest);
-bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot, palp_row *row);
+uint32_t palp_node_contact_nearest(const palp_node_contact *contact, uint32_t body,
+                                   palp_vec3 rest_m, uint32_t nearest);
+bool palp_node_contact_make_row(palp_node_contact *contact, uint32_t body, uint32_t slot,
+                                palp_row *row);
 void palp_node_contact_aim(const palp_node_contact *contact, palp_candidate *candidate);
 void palp_node_contact_join(palp_node_contact *contact, uint32_t candidate);
 void palp_node_contact_lay_out(palp_node_contact *contact, palp_arena *arena, uint32_t longest,
-                          uint32_t most_slots);
+                               uint32_t most_slots);
 palp_status palp_node_contact_begin_use(palp_node_contact *contact, const palp_tool *tools,
-                                   uint32_t tool_count);
+                                        uint32_t tool_count);
 void palp_node_contact_clean(palp_node_contact *contact, uint32_t most_slots);
-uint32_t palp_node_contact_search_pairs(palp_node_contact *contact, palp_fresh *fresh, uint32_t room);
+uint32_t palp_node_contact_search_pairs(palp_node_contact *contact, palp_fresh *fresh,
+                                        uint32_t room);
 palp_vec3 palp_node_contact_place(const palp_node_contact *contact, uint32_t body, uint32_t node);
 palp_vec3 palp_node_contact_normal(const palp_node_contact *contact, uint32_t body, uint32_t node);
 float palp_node_contact_indentation(const palp_node_contact *contact, uint32_t candidate);

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "cost.h"
 
-#define MIXED 3.0f /* looks at a tool for one slot: it and the two hats above */
-
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float least(float a, float b) { return a < b ? a : b; }
@@ -126,26 +124,24 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
 
 /* ---- contact ---- */
 
-static bool mixed(palp_rung rung) { return rung.outer < rung.level; }
-
 static float drop(const palp_touch_cost *c, float k) {
     float moved = PRICE(c, MOVE) + (c->limits.friction ? PRICE(c, MOVE_BLOCK) : 0.0f);
     float seams = c->zones > 1.0f ? PRICE(c, SEAM_DOT) * c->seam_width : 0.0f;
     return PRICE(c, DROP) + moved * k + seams;
 }
 
-float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t count,
+float palp_cost_search(const palp_touch_cost *cost, uint32_t level, uint32_t count,
                        uint32_t active) {
     const palp_touch_cost *c = cost;
     float k = (float)count, n = (float)active, idle = k - n;
-    float near = c->near[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    float near = c->near[level < PALP_MAX_LEVELS ? level : 0u];
     float look = PRICE(c, CLOSE) + c->evaluation + PRICE(c, SIFT) * (float)c->limits.max_new;
-    float seek =
-        PRICE(c, NEAREST) + PRICE(c, CELL) * (c->cells + (float)PALP_NODE_CONTACT_DESCENT * c->ring);
+    float seek = PRICE(c, NEAREST) +
+                 PRICE(c, CELL) * (c->cells + (float)PALP_NODE_CONTACT_DESCENT * c->ring);
     float free_tools = c->zones > 1.0f || active == 0u ? c->tools : c->tools - 1.0f;
     float walked = least((float)PALP_NODE_CONTACT_WALK, k);
-    float asked = (walked * near + free_tools * c->zones) * (mixed(rung) ? MIXED : 1.0f);
-    float nodes = c->nodes[rung.level < PALP_MAX_LEVELS ? rung.level : 0u];
+    float asked = (walked * near + free_tools * c->zones);
+    float nodes = c->nodes[level < PALP_MAX_LEVELS ? level : 0u];
     float scanned = least((float)PALP_NODE_CONTACT_SCAN, nodes > 0.0f ? nodes : c->slots);
     float looks = scanned + least((float)PALP_NODE_CONTACT_LOOKS, asked);
     float sum = PRICE(c, SEARCH) + k * (PRICE(c, CANDIDATE) + c->evaluation) +
@@ -161,23 +157,22 @@ float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t cou
 }
 
 /* One compliance between two candidates. */
-static float look_up(const palp_touch_cost *c, palp_rung rung) {
+static float look_up(const palp_touch_cost *c, uint32_t level) {
     float one = c->limits.friction ? PRICE(c, PAIR_BLOCK) : 0.0f;
-    if ((c->tables >> rung.level & 1u) == 0u)
+    if ((c->tables >> level & 1u) == 0u)
         return one + PRICE(c, PAIR) + 2.0f * c->pairs * c->pairs * c->extraction;
-    if (mixed(rung)) one += PRICE(c, HAT) * (1.0f + c->near[rung.outer]);
     return one + PRICE(c, PAIR) * c->pairs * c->pairs;
 }
 
-float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t count,
+float palp_cost_admit(const palp_touch_cost *cost, uint32_t level, uint32_t count,
                       uint32_t active) {
     const palp_touch_cost *c = cost;
     float k = (float)count;
-    float sum = PRICE(c, ADMIT) + (mixed(rung) ? 2.0f : 1.0f) * c->evaluation +
-                PRICE(c, IDLE) * (float)active + (k + 1.0f) * look_up(c, rung);
+    float sum = PRICE(c, ADMIT) + c->evaluation + PRICE(c, IDLE) * (float)active +
+                (k + 1.0f) * look_up(c, level);
     if (count >= c->limits.max_candidates || c->pairs > 1.0f)
         sum += PRICE(c, ROOM) * k + drop(c, k);
-    if ((c->tables >> rung.level & 1u) == 0u) sum += c->pairs * c->row;
+    if ((c->tables >> level & 1u) == 0u) sum += c->pairs * c->row;
     if (c->zones > 1.0f)
         sum += c->seam_row + (k + 1.0f) * PRICE(c, SEAM_DOT) * c->unknowns + 2.0f * c->evaluation;
     return sum;
@@ -249,37 +244,6 @@ float palp_cost_leave(const palp_touch_cost *cost, uint32_t active) {
     return c->tools *
                (PRICE(c, LEAVE) + 4.0f * n * PRICE(c, FORCE) + n * n * PRICE(c, IDLE) + friction) +
            3.0f * n * PRICE(c, ACTIVE);
-}
-
-/* ---- levels ---- */
-
-float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active) {
-    const palp_touch_cost *c = cost;
-    float n = (float)active, h = (float)load, words = c->slots / 32.0f + 1.0f;
-    float carried = PRICE(c, CARRY) + c->children * PRICE(c, CHILD);
-    float sum = PRICE(c, CHANGE) +
-                c->tools * (n * PRICE(c, FORCE) + 4.0f * words * PRICE(c, MARK_WORD)) +
-                (n + h) * carried;
-    if (mixed(rung)) sum += n * n * PRICE(c, FORCE) + (n + h) * c->evaluation;
-    return sum;
-}
-
-float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active) {
-    const palp_touch_cost *c = cost;
-    uint32_t pressed = load < c->limits.max_active ? load : c->limits.max_active;
-    float n = (float)active, h = (float)load, m = (float)pressed;
-    return palp_cost_load(c, rung, load, active) + palp_cost_refactor(c, pressed) +
-           h * 2.0f * c->evaluation + (n * n + m * m + h * m) * PRICE(c, IDLE) +
-           4.0f * c->tools * (n + m) * PRICE(c, FORCE);
-}
-
-float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load,
-                       uint32_t active) {
-    const palp_touch_cost *c = cost;
-    float h = (float)load, one = look_up(c, rung), most = (float)c->limits.max_candidates;
-    float beyond = h > most ? (h - most) * (most * PRICE(c, ROOM) + drop(c, most)) : 0.0f;
-    return palp_cost_climb(c, rung, load, active) + most * PRICE(c, ROOM) + beyond +
-           h * (palp_cost_admit(c, rung, 0, 0) - one) + 0.5f * h * (h + 1.0f) * one;
 }
 
 /* ---- zones ---- */

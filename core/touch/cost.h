@@ -7,7 +7,7 @@
  *   T, C        tools; C = 3 T axes of their springs
  *   EVALUATION  balls BALL, PAD or CYLINDER, of the dearest tool; on zones + PLACE + modes
  *               PLACE_MODE, and nearest nodes are sought on every zone
- *   LOOK_UP     PAIR, with friction + PAIR_BLOCK; of a mixed set + (1 + children) HAT; without a
+ *   LOOK_UP     PAIR, with friction + PAIR_BLOCK; without a
  *               table 2 EXTRACTION
  *
  * Loops in the code and factors in the sums belong together one by one.
@@ -17,7 +17,7 @@
 
 #include "core/green/cost.h"
 #include "core/touch/coupling.h"
-#include "core/touch/ladder.h"
+#include "core/touch/contact.h"
 
 /* What the sums are made of; fixed when a simulation is opened. */
 typedef struct {
@@ -52,21 +52,23 @@ palp_touch_cost palp_touch_cost_of_zones(const palp_zones *zones, uint32_t fines
  * palp_node_contact_search: SEARCH + k (CANDIDATE + EVALUATION) + (k - n) n IDLE + T n FORCE
  *   + min(max_new, k - n) (DROP + k MOVE, with friction + k MOVE_BLOCK)
  *   + tools that touch nothing (NEAREST + (cells + 32 ring) CELL)
- *   + min(PALP_NODE_CONTACT_WALK, k) (children CHILD + near NEIGHBOUR) + PALP_NODE_CONTACT_SCAN NEIGHBOUR
+ *   + min(PALP_NODE_CONTACT_WALK, k) (children CHILD + near NEIGHBOUR) + PALP_NODE_CONTACT_SCAN
+ * NEIGHBOUR
  *   + looks (CLOSE + EVALUATION + max_new SIFT), looks being PALP_NODE_CONTACT_SCAN +
  * PALP_NODE_CONTACT_LOOKS, or what the neighbours of k and the nearest nodes ask for
  */
-float palp_cost_search(const palp_touch_cost *cost, palp_rung rung, uint32_t count,
+float palp_cost_search(const palp_touch_cost *cost, uint32_t level, uint32_t count,
                        uint32_t active);
 
 /*
- * palp_node_contact_admit: ADMIT + EVALUATION (of a mixed set 2) + n IDLE + (k + 1) LOOK_UP, with all
+ * palp_node_contact_admit: ADMIT + EVALUATION + n IDLE + (k + 1) LOOK_UP, with all
  * candidates in use
  *   + k ROOM + DROP + k MOVE; without a table + ROW
  */
-float palp_cost_admit(const palp_touch_cost *cost, palp_rung rung, uint32_t count, uint32_t active);
+float palp_cost_admit(const palp_touch_cost *cost, uint32_t level, uint32_t count, uint32_t active);
 
-/* palp_node_contact_begin: BEGIN + k (TARGET + EVALUATION); every 64 changes + palp_cost_refactor. */
+/* palp_node_contact_begin: BEGIN + k (TARGET + EVALUATION); every 64 changes + palp_cost_refactor.
+ */
 float palp_cost_begin(const palp_touch_cost *cost, uint32_t count);
 
 /* The factor made afresh: n (n + 1) / 2 (GATHER + SUBSTITUTE + DOT) + n^3 / 6 AXPY + n APPEND. */
@@ -88,30 +90,13 @@ float palp_cost_pivot_out(const palp_touch_cost *cost, uint32_t active);
 float palp_cost_pivot_in(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 float palp_cost_relieve(const palp_touch_cost *cost, uint32_t count, uint32_t active);
 
-/* What palp_node_coupling_step does around a solve: T (COUPLE + n FORCE), with friction + T FRICTION +
- * T n FORCE. */
+/* What palp_node_coupling_step does around a solve: T (COUPLE + n FORCE), with friction + T
+ * FRICTION + T n FORCE. */
 float palp_cost_couple(const palp_touch_cost *cost, uint32_t active);
 
-/* palp_node_coupling_centers, begin and end, palp_ladder_relax: T (LEAVE + 4 n FORCE) + n^2 IDLE
+/* palp_node_coupling_centers, begin and end: T (LEAVE + 4 n FORCE) + n^2 IDLE
  * + 3 n ACTIVE, with friction + T FRICTION + n^2 FRICTION_PAIR. */
 float palp_cost_leave(const palp_touch_cost *cost, uint32_t active);
-
-/* palp_ladder_load: CHANGE + T (n FORCE + 4 words MARK_WORD) + (n + h) (CARRY + children
- * CHILD); of a mixed rung + n^2 FORCE, and an EVALUATION per force carried. */
-float palp_cost_load(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
-
-/*
- * palp_ladder_drop to `rung`, on which `load` basis functions h carry the forces, m of them at most
- * max_active: palp_cost_load, h admissions (palp_cost_admit), palp_cost_refactor of m,
- * 2 h EVALUATION + 4 T (n + m) FORCE + (n^2 + m^2 + h m) IDLE, max_candidates ROOM for those of
- * the contact that is cleared, and of each h beyond max_candidates as many and DROP +
- * max_candidates MOVE.
- */
-float palp_cost_change(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
-
-/* palp_ladder_climb to `rung`, where `load` candidates are prepared: the same without admissions.
- */
-float palp_cost_climb(const palp_touch_cost *cost, palp_rung rung, uint32_t load, uint32_t active);
 
 /*
  * palp_node_contact_load and palp_node_contact_follow on a level of the seams with `unknowns`

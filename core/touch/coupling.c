@@ -17,8 +17,9 @@ static bool touches(const palp_node_contact *contact, uint32_t tool) {
     return palp_node_contact_normal_force(contact, tool, &axis) > 0.0f;
 }
 
-void palp_node_coupling_centers(const palp_node_coupling *coupling, const palp_node_contact *contact,
-                           const palp_vec3 *device_m, palp_vec3 *center) {
+void palp_node_coupling_centers(const palp_node_coupling *coupling,
+                                const palp_node_contact *contact, const palp_vec3 *device_m,
+                                palp_vec3 *center) {
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         const palp_spring *s = &coupling->spring[t];
         center[t] = s->placed && touches(contact, t) ? s->tool_m : device_m[t];
@@ -26,7 +27,7 @@ void palp_node_coupling_centers(const palp_node_coupling *coupling, const palp_n
 }
 
 void palp_node_coupling_begin(palp_node_coupling *coupling, palp_node_contact *contact,
-                         const palp_vec3 *device_m) {
+                              const palp_vec3 *device_m) {
     coupling->solves = coupling->pivots = 0;
     coupling->solving = false;
     coupling->moved_m = 0.0f;
@@ -99,7 +100,7 @@ bool palp_node_coupling_step(palp_node_coupling *coupling, palp_node_contact *co
 }
 
 void palp_node_coupling_end(palp_node_coupling *coupling, palp_node_contact *contact, float dt_s,
-                       palp_node_coupling_result *result) {
+                            palp_node_coupling_result *result) {
     if (coupling->solving) (void)end_solve(coupling, contact);
     const float contact_J = palp_node_contact_energy(contact);
     for (uint32_t t = 0; t < contact->tool_count; t++) {
@@ -116,8 +117,8 @@ void palp_node_coupling_end(palp_node_coupling *coupling, palp_node_contact *con
         s->device_m = coupling->next_m[t];
         s->placed = true;
         result[t] = (palp_node_coupling_result){.force_N = force,
-                                           .tool_m = s->tool_m,
-                                           .energy_J = energy,
-                                           .moved_m = coupling->moved_m};
+                                                .tool_m = s->tool_m,
+                                                .energy_J = energy,
+                                                .moved_m = coupling->moved_m};
     }
 }

@@ -49,17 +49,19 @@ typedef struct {
 void palp_node_coupling_reset(palp_node_coupling *coupling);
 
 /* Where the search for a tick should look: the tools that touch stay where they are. */
-void palp_node_coupling_centers(const palp_node_coupling *coupling, const palp_node_contact *contact,
-                           const palp_vec3 *device_m, palp_vec3 *center);
+void palp_node_coupling_centers(const palp_node_coupling *coupling,
+                                const palp_node_contact *contact, const palp_vec3 *device_m,
+                                palp_vec3 *center);
 
 /* Begins a tick with the devices at device_m[tool_count]; the candidates are up to date. */
-void palp_node_coupling_begin(palp_node_coupling *coupling, palp_node_contact *contact, const palp_vec3 *device_m);
+void palp_node_coupling_begin(palp_node_coupling *coupling, palp_node_contact *contact,
+                              const palp_vec3 *device_m);
 
 /* One pivot, with what begins or ends the solve that it belongs to; false when all is settled. */
 bool palp_node_coupling_step(palp_node_coupling *coupling, palp_node_contact *contact);
 
 /* Ends the tick, settled or not, with the forces reached. */
 void palp_node_coupling_end(palp_node_coupling *coupling, palp_node_contact *contact, float dt_s,
-                       palp_node_coupling_result *result);
+                            palp_node_coupling_result *result);
 
 #endif

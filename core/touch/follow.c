@@ -54,7 +54,7 @@ static void shape(palp_node_contact *c, const palp_zones *z, uint32_t finest,
 }
 
 size_t palp_node_contact_memsize_zones(const palp_zones *zones, uint32_t finest,
-                                  palp_node_contact_limits limits) {
+                                       palp_node_contact_limits limits) {
     if (finest >= PALP_SEAM_LEVELS) return 0;
     palp_node_contact c;
     palp_arena arena = {0};
@@ -76,9 +76,10 @@ static uint32_t place_work(const palp_assembly *a) {
     return 9u * most + 40u;
 }
 
-palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assembly *assembly, bool pairs,
-                                    const palp_tool *tools, uint32_t tool_count,
-                                    palp_node_contact_limits limits, void *memory, size_t bytes) {
+palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assembly *assembly,
+                                         bool pairs, const palp_tool *tools, uint32_t tool_count,
+                                         palp_node_contact_limits limits, void *memory,
+                                         size_t bytes) {
     const palp_zones *z = assembly->zones;
     const uint32_t finest = assembly->seams.finest;
     palp_arena arena = {.base = memory};
@@ -104,7 +105,7 @@ palp_status palp_node_contact_init_zones(palp_node_contact *contact, palp_assemb
 /* ---- what candidates see ---- */
 
 palp_touch palp_node_contact_see(const palp_node_contact *contact, const palp_candidate *candidate,
-                            const palp_vec3 *center) {
+                                 const palp_vec3 *center) {
     const palp_node_contact *c = contact;
     const palp_candidate *k = candidate;
     if (k->tool != PALP_ZONE_TOOL)
@@ -139,8 +140,8 @@ static palp_spot spot_of(const palp_candidate *k, uint32_t which) {
 static uint32_t spots_of(const palp_candidate *k) { return k->tool == PALP_ZONE_TOOL ? 2u : 1u; }
 
 /* d^T G d' on one body, the mean of both extractions where there is no table. */
-static float between(palp_node_contact *c, const palp_spot *a, const palp_row *row_a, const palp_spot *b,
-                     const palp_row *row_b) {
+static float between(palp_node_contact *c, const palp_spot *a, const palp_row *row_a,
+                     const palp_spot *b, const palp_row *row_b) {
     const palp_blob *blob = palp_node_contact_blob(c, a->body);
     const palp_level *level = &blob->level[blob->meta->constraint_level];
     float block[9], back[9];
@@ -226,7 +227,7 @@ static bool aim_anew(palp_node_contact *c, uint32_t candidate) {
     k->relief_m = k->at.depth_m - asked;
     if (!k->active) k->relief_m = palp_max(k->relief_m, 0.0f);
     return palp_node_contact_make_row(c, k->facing.body, k->facing.slot,
-                                 &c->row[c->limits.max_candidates + candidate]);
+                                      &c->row[c->limits.max_candidates + candidate]);
 }
 
 /* Pairs whose zones have turned are aimed anew, a few at a time. */
@@ -308,15 +309,16 @@ static bool faces(palp_node_contact *c, uint32_t body, uint32_t node, uint32_t o
     return touch.depth_m > -PAIR_MARGIN * size && touch.reach < 1.0f;
 }
 
-static bool is_new(const palp_node_contact *c, const palp_fresh *fresh, uint32_t found, uint32_t body,
-                   uint32_t slot) {
+static bool is_new(const palp_node_contact *c, const palp_fresh *fresh, uint32_t found,
+                   uint32_t body, uint32_t slot) {
     for (uint32_t i = 0; i < found; i++) {
         if (fresh[i].body == body && fresh[i].slot == slot) return false;
     }
     return c->place[c->first_slot[body] + slot] == 0u;
 }
 
-uint32_t palp_node_contact_search_pairs(palp_node_contact *contact, palp_fresh *fresh, uint32_t room) {
+uint32_t palp_node_contact_search_pairs(palp_node_contact *contact, palp_fresh *fresh,
+                                        uint32_t room) {
     palp_node_contact *c = contact;
     uint32_t found = 0, body = 0, all = c->first_slot[c->bodies];
     if (!c->pairs || c->bodies < 2u) return 0;

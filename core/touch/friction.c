@@ -59,8 +59,8 @@ static void measure_compliance(palp_node_friction *f, palp_node_contact *c, uint
     f->compliance[2] = sound ? entry[2] : palp_max(entry[2], least);
 }
 
-void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact *contact, uint32_t tool,
-                           palp_vec3 tool_m) {
+void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact *contact,
+                                uint32_t tool, palp_vec3 tool_m) {
     palp_node_friction *f = friction;
     float stored = palp_node_friction_energy(f);
     bool touched = f->touching;
@@ -83,8 +83,8 @@ void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact 
     f->anchor_m = palp_add(tool_m, give(f, f->force_N));
 }
 
-void palp_node_friction_solve(palp_node_friction *friction, const palp_node_contact *contact, uint32_t tool,
-                         palp_grip grip, palp_vec3 contact_N) {
+void palp_node_friction_solve(palp_node_friction *friction, const palp_node_contact *contact,
+                              uint32_t tool, palp_grip grip, palp_vec3 contact_N) {
     palp_node_friction *f = friction;
     if (!f->touching) return;
     float soft = grip.stiffness_N_per_m > 0.0f ? 1.0f / grip.stiffness_N_per_m : 0.0f;
@@ -94,7 +94,8 @@ void palp_node_friction_solve(palp_node_friction *friction, const palp_node_cont
     float inverse = 1.0f / (a * d - b * b);
     palp_vec3 force = in_plane(f, -inverse * (d * x - b * y), -inverse * (a * y - b * x));
     palp_vec3 axis;
-    float most = contact->tools[tool].friction * palp_node_contact_normal_force(contact, tool, &axis);
+    float most =
+        contact->tools[tool].friction * palp_node_contact_normal_force(contact, tool, &axis);
     float length = palp_norm(force);
     f->slipping = length > most;
     f->force_N = f->slipping ? palp_scale(most / length, force) : force;

@@ -38,13 +38,13 @@ void palp_node_friction_reset(palp_node_friction *friction);
  * Before the solves of a tick: measures the patch of the last one and moves the anchor along with
  * it. `tool_m`: where the tool is. Cost: 9 active^2 multiply-adds.
  */
-void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact *contact, uint32_t tool,
-                           palp_vec3 tool_m);
+void palp_node_friction_prepare(palp_node_friction *friction, palp_node_contact *contact,
+                                uint32_t tool, palp_vec3 tool_m);
 
 /* T for a tool held at `held` by a spring (stiffness 0: rigidly) with normal forces adding up to
  * `contact_N`. */
-void palp_node_friction_solve(palp_node_friction *friction, const palp_node_contact *contact, uint32_t tool,
-                         palp_grip grip, palp_vec3 contact_N);
+void palp_node_friction_solve(palp_node_friction *friction, const palp_node_contact *contact,
+                              uint32_t tool, palp_grip grip, palp_vec3 contact_N);
 
 /* After the solves: while slipping the anchor follows the tool. */
 void palp_node_friction_settle(palp_node_friction *friction, palp_vec3 tool_m);

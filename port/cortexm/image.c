@@ -122,8 +122,8 @@ static void print_tally(const tally *t) {
         print_number("ticks on level ", l, "");
         print_number(": ", t->level[l], "\n");
     }
-    print_number("late ", t->late, "");
-    print_number(", held as foreseen ", t->held, "\n");
+    print_number("held as foreseen ", t->held, "\n");
+    print_number("late ", t->late, "\n");
 }
 
 int main(void) {

@@ -61,7 +61,7 @@ static void move_zones(const char *path) {
                                   .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
                                   .port = {.now_ns = work_clock},
                                   .dt_s = 1e-3f};
-    room = palp_bounded_memsize_zones(&zones, 4, config.limits);
+    room = palp_bounded_memsize(&zones, 4, config.limits);
     if (palp_bounded_init(&bounded, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
     bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {

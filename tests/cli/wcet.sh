@@ -19,7 +19,7 @@ for b in r z d; do
 done
 $palp wcet r.palp --rate 1 --json > slow.json
 $palp wcet r.palp --rate 1000000 --json > fast.json; ok $? "a refusal is an answer, exit 0"
-has "one tick a second fits, on the finest level" slow.json '"verdict":"fits"' '"finest_level_in_time":2'
+has "one tick a second fits, on the finest level" slow.json '"verdict":"fits"' '"finest_level_in_time":3'
 has "a million do not" fast.json '"verdict":"refused"' '"finest_level_in_time":-1'
 $palp wcet r.palp --rate 1000000 > refused.txt
 has "and the text says by how much" refused.txt 'refused: the least answer needs'

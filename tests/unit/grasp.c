@@ -338,7 +338,7 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
                                            .margin = (float)(budget_us / 1000)},
                                   .port = {.now_ns = now_ns, .context = &clock},
                                   .dt_s = 1e-3f};
-    size_t bytes = palp_bounded_memsize_zones(model->zones, finest, config.limits);
+    size_t bytes = palp_bounded_memsize(model->zones, finest, config.limits);
     float bound = 0;
     palp_status status = palp_bounded_init(b, &config, allocate_aligned(bytes, 1), bytes, &bound);
     if (status == PALP_ERR_BUDGET) {

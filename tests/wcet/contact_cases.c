@@ -8,7 +8,7 @@ typedef struct {
     palp_tool tool[PALP_MAX_TOOLS];
     uint32_t tools;
     float stiffness_N_per_m;
-    palp_ladder ladder;
+    palp_node_contact contact;
     palp_node_coupling coupling;
     palp_vec3 at[PALP_MAX_TOOLS];
     palp_touch_cost *unit; /* [PALP_WORKS] bounds at unit prices */
@@ -18,8 +18,7 @@ typedef struct {
 typedef float (*bound_of)(const palp_touch_cost *cost, const void *what);
 
 typedef struct {
-    palp_rung rung;
-    uint32_t count, active, load;
+    uint32_t level, count, active;
     bool begins, due, out, in, solved;
 } step;
 
@@ -42,11 +41,11 @@ static void tell(episode *e, const char *name, uint32_t level, bound_of bound, c
 
 static float of_search(const palp_touch_cost *c, const void *what) {
     const step *s = what;
-    return palp_cost_search(c, s->rung, s->count, s->active);
+    return palp_cost_search(c, s->level, s->count, s->active);
 }
 static float of_admit(const palp_touch_cost *c, const void *what) {
     const step *s = what;
-    return palp_cost_admit(c, s->rung, s->count, s->active);
+    return palp_cost_admit(c, s->level, s->count, s->active);
 }
 /* What a step of the coupling turned out to be. */
 static float of_step(const palp_touch_cost *c, const void *what) {
@@ -63,20 +62,6 @@ static float of_leave(const palp_touch_cost *c, const void *what) {
     const step *s = what;
     return palp_cost_leave(c, s->active);
 }
-static float of_load(const palp_touch_cost *c, const void *what) {
-    const step *s = what;
-    return palp_cost_load(c, s->rung, s->load, s->active);
-}
-static float of_change(const palp_touch_cost *c, const void *what) {
-    const step *s = what;
-    return palp_cost_change(c, s->rung, s->load, s->active);
-}
-
-static float of_climb(const palp_touch_cost *c, const void *what) {
-    const step *s = what;
-    return palp_cost_climb(c, s->rung, s->load, s->active);
-}
-
 /* ---- tools and paths ---- */
 
 static palp_vec3 anywhere(dice *d) {
@@ -144,32 +129,29 @@ static void move(episode *e, dice *d, uint32_t style, uint32_t tick) {
 /* ---- one tick, step by step ---- */
 
 static void count_search(episode *e, palp_fresh *fresh, uint32_t *found) {
-    palp_node_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = &e->contact;
     palp_vec3 around[PALP_MAX_TOOLS];
-    step s = {.rung = e->ladder.at[e->ladder.rung], .count = c->count, .active = c->active_count};
+    step s = {.level = c->level, .count = c->count, .active = c->active_count};
     palp_node_coupling_centers(&e->coupling, c, e->at, around);
     uint64_t before = instructions();
     *found = palp_node_contact_search(c, around, fresh);
     uint64_t after = instructions();
-    tell(e, "search", 2u * s.rung.level + (s.rung.outer < s.rung.level), of_search, &s,
-         after - before);
+    tell(e, "search", s.level, of_search, &s, after - before);
 }
 
 static void count_admissions(episode *e, const palp_fresh *fresh, uint32_t found) {
-    palp_node_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = &e->contact;
     for (uint32_t i = 0; i < found; i++) {
-        step s = {
-            .rung = e->ladder.at[e->ladder.rung], .count = c->count, .active = c->active_count};
+        step s = {.level = c->level, .count = c->count, .active = c->active_count};
         uint64_t before = instructions();
         palp_node_contact_admit(c, fresh[i]);
         uint64_t after = instructions();
-        tell(e, "admit", 2u * s.rung.level + (s.rung.outer < s.rung.level), of_admit, &s,
-             after - before);
+        tell(e, "admit", s.level, of_admit, &s, after - before);
     }
 }
 
 static void count_solves(episode *e) {
-    palp_node_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = &e->contact;
     bool more = true;
     while (more) {
         uint32_t solves = e->coupling.solves;
@@ -188,43 +170,13 @@ static void count_solves(episode *e) {
     }
 }
 
-static void count_levels(episode *e, dice *d, palp_fresh *fresh) {
-    palp_ladder *l = &e->ladder;
-    palp_vec3 tool_m[PALP_MAX_TOOLS];
-    for (uint32_t t = 0; t < e->tools; t++) tool_m[t] = e->coupling.spring[t].tool_m;
-    uint32_t active = palp_ladder_contact(l)->active_count;
-    if (l->rung > 0u && active > 0u && dice_below(d, 6) == 0u) {
-        step s = {.rung = l->at[l->rung - 1u], .active = active};
-        uint64_t before = instructions();
-        s.load = palp_ladder_load(l, l->rung - 1u);
-        uint64_t after = instructions();
-        uint32_t level = 2u * s.rung.level + (s.rung.outer < s.rung.level);
-        tell(e, "load", level, of_load, &s, after - before);
-        before = instructions();
-        (void)palp_ladder_drop(l, tool_m);
-        after = instructions();
-        tell(e, "drop", level, of_change, &s, after - before);
-    } else if (l->rung + 1u < l->rungs && active > 0u) {
-        uint32_t missing = palp_ladder_prepare(l, tool_m, fresh);
-        palp_node_contact *next = palp_ladder_other(l);
-        for (uint32_t i = 0; i < missing; i++) palp_node_contact_admit(next, fresh[i]);
-        if (missing > 0u) return;
-        step s = {.rung = l->at[l->rung + 1u], .active = active, .load = next->count};
-        uint64_t before = instructions();
-        (void)palp_ladder_climb(l, tool_m);
-        uint64_t after = instructions();
-        tell(e, "climb", 2u * s.rung.level + (s.rung.outer < s.rung.level), of_climb, &s,
-             after - before);
-    }
-}
-
-static void one_tick(episode *e, dice *d, palp_fresh *fresh) {
+static void one_tick(episode *e, palp_fresh *fresh) {
     palp_node_coupling_result result[PALP_MAX_TOOLS];
     palp_vec3 around[PALP_MAX_TOOLS];
     uint32_t found;
     count_search(e, fresh, &found);
     count_admissions(e, fresh, found);
-    palp_node_contact *c = palp_ladder_contact(&e->ladder);
+    palp_node_contact *c = &e->contact;
     step s = {.active = c->active_count};
     uint64_t before = instructions();
     palp_node_coupling_centers(&e->coupling, c, e->at, around);
@@ -234,10 +186,8 @@ static void one_tick(episode *e, dice *d, palp_fresh *fresh) {
     s.active = c->active_count > s.active ? c->active_count : s.active;
     before = instructions();
     palp_node_coupling_end(&e->coupling, c, 1e-3f, result);
-    palp_ladder_relax(&e->ladder, 1e-3f);
     uint64_t after = instructions();
     tell(e, "leave", 0, of_leave, &s, begun + after - before);
-    count_levels(e, d, fresh);
 }
 
 /* ---- episodes ---- */
@@ -267,18 +217,18 @@ static void run_episode(cases *c, const palp_blob *blob, uint64_t seed) {
     e->unit = cases_take(c, PALP_WORKS * sizeof *e->unit);
     choose_tools(e, &d, blob->meta->mean_edge_m);
     price_units(e);
-    size_t bytes = palp_ladder_memsize(blob, e->limits);
+    size_t bytes = palp_node_contact_memsize(blob, e->limits);
     void *memory = cases_take(c, bytes);
     uint32_t style = dice_below(&d, 4);
-    palp_status status = palp_ladder_init(&e->ladder, blob, blob->rest_m, e->tool, e->tools,
-                                          e->limits, memory, bytes);
+    palp_status status = palp_node_contact_init(&e->contact, blob, blob->rest_m, e->tool, e->tools,
+                                                e->limits, memory, bytes);
     palp_node_coupling_reset(&e->coupling);
     for (uint32_t t = 0; t < PALP_MAX_TOOLS; t++)
         e->coupling.spring[t].stiffness_N_per_m =
             blob->meta->stiffness_max_N_per_m * (0.02f + 0.2f * (1.0f + dice_float(&d)));
     for (uint32_t tick = 0; tick < 96u && status == PALP_OK; tick++) {
         move(e, &d, style, tick);
-        one_tick(e, &d, fresh);
+        one_tick(e, fresh);
     }
     c->used = used;
 }
