@@ -7,7 +7,6 @@
 #define FACING 0.2f  /* least cosine between a new one's normal and the direction of the tool */
 #define KEEP 1.25f   /* idle candidates are kept to this times the reach for new ones */
 #define MAX_NEIGHBOURS 64u /* of a basis function on a coarse level */
-#define BORDER 0.15f       /* idle candidates may be this far on the wrong side of the zone */
 
 static uint32_t level_in(const palp_node_contact *c, uint32_t body) {
     return c->assembly != NULL ? palp_node_contact_blob(c, body)->meta->constraint_level : c->level;
@@ -75,7 +74,7 @@ palp_status palp_node_contact_begin_use(palp_node_contact *contact, const palp_t
     c->size_m[PALP_ZONE_TOOL] = c->blob->meta->mean_edge_m;
     c->tools = tools;
     c->tool_count = tool_count;
-    c->level = c->outer = c->blob->meta->constraint_level;
+    c->level = c->blob->meta->constraint_level;
     return PALP_OK;
 }
 
@@ -117,41 +116,12 @@ void palp_node_contact_clear(palp_node_contact *contact, uint32_t level) {
     contact->count = contact->active_count = contact->changes = contact->flags = 0;
     bool table = contact->assembly == NULL && contact->blob->level[level].table != NULL;
     contact->level = table ? level : contact->blob->meta->constraint_level;
-    contact->outer = contact->level;
-}
-
-void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer,
-                                   float zone) {
-    palp_node_contact_clear(contact, level);
-    contact->outer = outer;
-    contact->zone = zone;
 }
 
 /* What one evaluation of a tool counts as. */
 static uint32_t evaluation(const palp_node_contact *c, uint32_t tool) {
     if (tool == PALP_ZONE_TOOL) return 60u + c->place_work;
     return c->place_work + (c->tools[tool].balls > 0u ? 60u * c->tools[tool].balls : 160u);
-}
-
-static bool is_mixed(const palp_node_contact *c) { return c->outer != c->level; }
-
-/* The level on which a slot that the tool sees like this would be taken. */
-static uint32_t level_at(const palp_node_contact *c, uint32_t slot, float reach) {
-    if (!is_mixed(c) || reach <= c->zone) return c->level;
-    return slot < c->blob->level[c->outer].nodes ? c->outer : PALP_MAX_LEVELS;
-}
-
-uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot,
-                                    uint32_t tool) {
-    const palp_node_contact *c = contact;
-    const palp_blob *b = c->blob;
-    if (slot >= b->level[c->level].nodes) return PALP_MAX_LEVELS;
-    if (!is_mixed(c)) return c->level;
-    uint32_t node = b->domain[PALP_FREE].node[slot];
-    palp_touch at =
-        palp_tool_at(&c->tools[tool], c->about[tool], palp_node_contact_place(c, 0, node),
-                     palp_node_contact_normal(c, 0, node));
-    return level_at(c, slot, at.reach);
 }
 
 /* ---- search ---- */
@@ -276,30 +246,12 @@ static void consider(palp_node_contact *c, proposals *p, palp_fresh fresh, palp_
     insert(c, p, fresh, at.depth_m);
 }
 
-/* Whether there are looks left for a slot: at it and, of a mixed set, at the two hats above. */
-static bool may_look(const palp_node_contact *c, const proposals *p) {
-    return p->looks >= (is_mixed(c) ? 3u : 1u);
-}
-
-/* A slot, or the hats above it where the set is coarse. */
+/* Looks at a slot of the contact's level. */
 static void propose(palp_node_contact *c, proposals *p, palp_fresh fresh) {
     const palp_blob *b = palp_node_contact_blob(c, fresh.body);
-    const palp_domain *d = &b->domain[PALP_FREE];
     if (c->assembly != NULL) fresh.slot = ancestor(c, fresh.body, fresh.slot);
     if (fresh.slot >= b->level[level_in(c, fresh.body)].nodes || is_taken(c, fresh)) return;
-    if (!may_look(c, p)) return;
-    palp_touch at = look_at(c, p, fresh);
-    if (level_at(c, fresh.slot, at.reach) < PALP_MAX_LEVELS) {
-        consider(c, p, fresh, at);
-        return;
-    }
-    for (uint32_t side = 0; side < 2; side++) {
-        palp_fresh parent = fresh;
-        parent.slot = d->parent[2u * fresh.slot + side];
-        if (!(d->predict[2u * fresh.slot + side] > 0.0f) || is_taken(c, parent)) continue;
-        at = look_at(c, p, parent);
-        if (level_at(c, parent.slot, at.reach) < PALP_MAX_LEVELS) consider(c, p, parent, at);
-    }
+    if (p->looks > 0u) consider(c, p, fresh, look_at(c, p, fresh));
 }
 
 static void propose_neighbours(palp_node_contact *c, proposals *p, const palp_candidate *k) {
@@ -388,11 +340,7 @@ static void drop_idle(palp_node_contact *c, const palp_vec3 *center) {
         palp_candidate *k = &c->candidate[i];
         k->at = palp_node_contact_see(c, k, center);
         c->work_done += evaluation(c, k->tool);
-        float slack = BORDER * palp_max(palp_abs(c->zone), BORDER);
-        float border = k->level == c->level ? c->zone + slack : c->zone - slack;
-        bool misplaced = is_mixed(c) && (k->at.reach <= border) != (k->level == c->level);
-        bool near =
-            !misplaced && k->at.depth_m > -2.0f * MARGIN * c->size_m[k->tool] && k->at.reach < KEEP;
+        bool near = k->at.depth_m > -2.0f * MARGIN * c->size_m[k->tool] && k->at.reach < KEEP;
         if (near || k->active || left == 0u) continue;
         drop(c, i);
         left--;
@@ -436,7 +384,7 @@ static void propose_nearest(palp_node_contact *c, proposals *p, uint32_t t) {
 
 /* Around the next candidates in turn. */
 static void propose_walk(palp_node_contact *c, proposals *p) {
-    for (uint32_t i = 0; i < PALP_NODE_CONTACT_WALK && i < c->count && may_look(c, p); i++) {
+    for (uint32_t i = 0; i < PALP_NODE_CONTACT_WALK && i < c->count && p->looks > 0u; i++) {
         c->walk = c->walk + 1u < c->count ? c->walk + 1u : 0u;
         propose_neighbours(c, p, &c->candidate[c->walk]);
     }
@@ -449,7 +397,7 @@ static void propose_scan(palp_node_contact *c, proposals *p) {
     if (tools == 0u) return;
     if (c->assembly != NULL) nodes = c->first_slot[c->bodies];
     p->looks = PALP_NODE_CONTACT_SCAN;
-    for (uint32_t i = 0; i < PALP_NODE_CONTACT_SCAN && i < nodes && may_look(c, p); i++) {
+    for (uint32_t i = 0; i < PALP_NODE_CONTACT_SCAN && i < nodes && p->looks > 0u; i++) {
         c->scan = c->scan + 1u < nodes ? c->scan + 1u : 0u;
         /* both in all at most bodies */
         while (body > 0u && c->scan < c->first_slot[body]) body--;
@@ -483,39 +431,12 @@ uint32_t palp_node_contact_search(palp_node_contact *contact, const palp_vec3 *c
 
 /* ---- compliances ---- */
 
-/* The block between the hat `a` and [inner,b]: what R says of the inner level's table. */
-static void mixed_block(palp_node_contact *c, uint32_t a, uint32_t b, float block[9]) {
-    const palp_blob *blob = c->blob;
-    const palp_domain *d = &blob->domain[PALP_FREE];
-    palp_child_range r = palp_children(d, a, c->level);
-    float one[9], share = palp_own_share(blob, c->outer, a);
-    palp_table_block(blob, c->level, a, b, one);
-    for (uint32_t e = 0; e < 9; e++) block[e] = share * one[e];
-    for (uint32_t k = r.first; k < r.end; k++) {
-        share = palp_child_share(blob, c->outer, a, d->child[k]);
-        palp_table_block(blob, c->level, d->child[k], b, one);
-        for (uint32_t e = 0; e < 9; e++) block[e] += share * one[e];
-    }
-    c->work_done += 9u * (uint64_t)(1u + r.end - r.first);
-}
-
 /* The 3x3 compliance between candidates i and j (i felt, j pushed). */
 static void block_between(palp_node_contact *c, uint32_t i, uint32_t j, float block[9]) {
     const palp_blob *b = c->blob;
     uint32_t slot_i = c->candidate[i].slot, slot_j = c->candidate[j].slot;
-    uint32_t level_i = c->candidate[i].level, level_j = c->candidate[j].level;
-    if (level_i < level_j) {
-        mixed_block(c, slot_i, slot_j, block);
-        return;
-    }
-    if (level_i > level_j) {
-        float turned[9];
-        mixed_block(c, slot_j, slot_i, turned);
-        for (uint32_t e = 0; e < 9; e++) block[e] = turned[(e % 3u) * 3u + e / 3u];
-        return;
-    }
-    if (b->level[level_i].table != NULL) {
-        palp_table_block(b, level_i, slot_i, slot_j, block);
+    if (b->level[c->level].table != NULL) {
+        palp_table_block(b, c->level, slot_i, slot_j, block);
         c->work_done += 9u;
         return;
     }
@@ -595,13 +516,13 @@ static palp_candidate describe(const palp_node_contact *c, palp_fresh fresh, uin
 
 void palp_node_contact_admit(palp_node_contact *contact, palp_fresh fresh) {
     palp_node_contact *c = contact;
-    uint32_t level = c->assembly != NULL ? level_in(c, fresh.body)
-                                         : palp_node_contact_level_of(c, fresh.slot, fresh.tool);
+    const uint32_t level = level_in(c, fresh.body);
     uint16_t *place = &c->place[c->first_slot[fresh.body] + fresh.slot];
     size_t stride = c->limits.max_candidates;
     if (*place != 0u && fresh.tool != PALP_ZONE_TOOL && gives_way(c, *place - 1u))
         drop(c, *place - 1u);
-    if (*place != 0u || level == PALP_MAX_LEVELS) return;
+    if (*place != 0u || fresh.slot >= palp_node_contact_blob(c, fresh.body)->level[level].nodes)
+        return;
     palp_candidate made = describe(c, fresh, level);
     if (c->count == c->limits.max_candidates && !make_room(c, made.at.depth_m)) return;
     uint32_t i = c->count;

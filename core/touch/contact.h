@@ -1,19 +1,18 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Unilateral contact between one or several rigid tools and the surface, on one constraint level or
- * on two, in bounded work.
+ * Unilateral contact between one or several rigid tools and the nodes of one constraint level, in
+ * bounded work.
  *
- * Candidates are basis functions [l,k] near a tool: all of the contact's level, or, of a mixed set
- * (MR 68), of the level within `zone` of each tool's axis and of a coarser one around it. They are
- * kept from tick to tick with their mutual normal compliances
+ * Candidates are basis functions [l,k] of that level near a tool. They are kept from tick to tick
+ * with their mutual normal compliances
  *
  *     g_ij = n_i^T G_[l,i][l,j] n_j        (MR 39, 69; energetic, green/hierarchy.h)
  *
- * looked up in the level's table (between two levels: as the mean of look-ups that R_l is), or
- * extracted from compressed columns and averaged over (i, j) and (j, i), plus the blob's softening
- * on the diagonal, which keeps them positive definite after thresholding. They are cached, so the
- * symmetric positive definite capacitance matrix costs nothing while the tools stay in place.
- * Contact forces lambda >= 0 solve the complementarity problem
+ * looked up in the level's table, or extracted from compressed columns and averaged over (i, j) and
+ * (j, i), plus the blob's softening on the diagonal, which keeps them positive definite after
+ * thresholding. They are cached, so the symmetric positive definite capacitance matrix costs
+ * nothing while the tools stay in place. Contact forces lambda >= 0 solve the complementarity
+ * problem
  *
  *     w = g lambda - d >= 0,   lambda >= 0,   w lambda = 0
  *
@@ -67,9 +66,10 @@ typedef struct {
 #define PALP_NODE_CONTACT_DEFERRED 8u   /* candidates left for the next tick */
 #define PALP_NODE_CONTACT_REDUNDANT 16u /* a candidate was left out because its pivot vanished */
 
-#define PALP_ZONE_TOOL PALP_MAX_TOOLS  /* stands for the other zones */
-#define PALP_NODE_CONTACT_PAIR_SCAN 4u /* nodes that are compared with other zones by each search  \
-                                        */
+#define PALP_ZONE_TOOL PALP_MAX_TOOLS /* stands for the other zones */
+#define PALP_NODE_CONTACT_PAIR_SCAN                                                                \
+    4u /* nodes that are compared with other zones by each search                                  \
+        */
 
 /* Something that search found: a slot of the contact's level, and the tool near it. */
 typedef struct {
@@ -114,8 +114,6 @@ typedef struct {
                  1u]; /* palp_tool_size of each; largest mean edge for PALP_ZONE_TOOL */
     uint32_t tool_count, bodies, level;
     uint32_t first_slot[PALP_MAX_ZONES + 1u]; /* of each body in `place` */
-    uint32_t outer; /* level of candidates beyond the zone; `level` itself unless mixed */
-    float zone;     /* in units of palp_touch.reach */
     palp_node_contact_limits limits;
     palp_candidate *candidate; /* [max_candidates], the first `count` in use */
     palp_row *row;             /* [max_candidates], unless the level has a table */
@@ -183,14 +181,6 @@ void palp_node_contact_load(const palp_node_contact *contact, palp_assembly *ass
 /* Forgets all contacts; further ones are sought on `level` if it has a table, else on the blob's
  * constraint level. */
 void palp_node_contact_clear(palp_node_contact *contact, uint32_t level);
-
-/* The same on two levels, both with tables, the outer one just below the inner. */
-void palp_node_contact_clear_mixed(palp_node_contact *contact, uint32_t level, uint32_t outer,
-                                   float zone);
-
-/* The level on which a contact would take `slot` for a tool: the inner or the outer one, or
- * PALP_MAX_LEVELS if the slot is not on it. */
-uint32_t palp_node_contact_level_of(const palp_node_contact *contact, uint32_t slot, uint32_t tool);
 
 /*
  * Updates the candidates for tools at center[tool_count]: drops idle ones out of reach, walks the
