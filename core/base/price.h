@@ -30,7 +30,6 @@
     X(ROOM, "room", "one candidate looked at to make room")                                        \
     X(PAIR, "pair", "one compliance looked up")                                                    \
     X(PAIR_BLOCK, "pair_block", "kept in full, for friction")                                      \
-    X(HAT, "hat", "one more look-up below a hat")                                                  \
     X(ROW, "row", "a row of W^-1 begun")                                                           \
     X(ROW_WORD, "row_word", "one word of marks scanned")                                           \
     X(ROW_MARK, "row_mark", "one marked slot visited")                                             \
@@ -56,9 +55,6 @@
     X(LEAVE, "leave", "a tool's spring in one tick")                                               \
     X(FRICTION, "friction", "friction of a tool in one tick")                                      \
     X(FRICTION_PAIR, "friction_pair", "one pair in contact in it")                                 \
-    X(CHANGE, "change", "a change of the constraint level")                                        \
-    X(CARRY, "carry", "one force carried from level to level")                                     \
-    X(MARK_WORD, "mark_word", "one word of marks scanned for them")                                \
     X(TICK, "tick", "a bounded tick, its end and its report")                                      \
     X(QUANTUM, "quantum", "a look at the clock and what it decides")                               \
     X(ADD, "add", "a column added to the details")                                                 \

@@ -9,6 +9,7 @@ typedef struct {
 
 static void add(list *l, uint32_t slot, palp_vec3 force) {
     uint32_t i = 0;
+    /* at most capacity */
     while (i < l->count && l->load[i].at.slot != slot) i++;
     if (i == l->count && l->count == l->capacity) {
         if (l->capacity == 0u) return;
