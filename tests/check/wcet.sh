@@ -106,9 +106,9 @@ image() { # image NAME BLOB CORE MACHINE FLAGS...
     sed 's/^/#   /' "$work/image.out"
     grep '^hash' "$work/image.out" >> "$work/hashes.$blob"
 }
-image "Cortex-M7, 162 nodes, 1 kHz" small m7 mps2-an500
-image "Cortex-M7, 642 nodes, 500 Hz" flash m7 mps2-an500 -DRATE_HZ=500.0f
-image "Cortex-M55, 162 nodes, 1 kHz" small m55 mps3-an547
+image "Cortex-M7, 162 nodes, 150 Hz" small m7 mps2-an500 -DRATE_HZ=150.0f
+image "Cortex-M7, 642 nodes, 150 Hz" flash m7 mps2-an500 -DRATE_HZ=150.0f
+image "Cortex-M55, 162 nodes, 150 Hz" small m55 mps3-an547 -DRATE_HZ=150.0f
 sh tests/size.sh "$work/small.palp" "$work/middle.palp" > "$work/size.out"
 ok $? "no mutable data, at most 4 KiB of stack in any call on any target"
 sed 's/^/#   /' "$work/size.out"
