@@ -232,7 +232,8 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
             palp_vec3 own = k >= 3u + ORIGIN && k < 3u + ORIGIN + 2u ? s->tangent[k - 3u - ORIGIN]
                             : k < 3u                                 ? tool
                                      : palp_cross(about, s->origin_m);
-            palp_vec3 kept = k < 3u ? (palp_vec3){0} : own; /* of the origin itself */
+            const palp_vec3 none = {0};
+            palp_vec3 kept = k < 3u ? none : own; /* of the origin itself */
             kept = palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0, kept);
             palp_vec3 change = palp_scale(1.0f - s->fixed, palp_madd(f->dtoward[k], -f->s0, own));
             r[ORIGIN + e] = palp_dot(palp_madd(change, -s->fixed, kept), s->tangent[e]) +

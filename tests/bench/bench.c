@@ -7,6 +7,7 @@
  */
 #include "core/base/linalg.h"
 #include "tests/models.h"
+#include "tools/press.h"
 #include "tools/parallel.h"
 #include "tools/util.h"
 #include <dlfcn.h>
@@ -319,37 +320,31 @@ static void measure_patches(const palp_blob *b) {
     free(list);
 }
 
-/* What one contact tick costs while the tool slides, per number of nodes in contact. */
+/* What one contact tick costs on each level while a ball of three edges slides, a tenth of its
+ * radius deep. */
 static void measure_contact(const palp_blob *b) {
-    palp_fresh fresh[PALP_MAX_CANDIDATES];
-    size_t bytes = palp_node_contact_memsize(b, PALP_NODE_CONTACT_DEFAULTS);
-    palp_node_contact c;
-    float edge = b->meta->mean_edge_m;
-    printf("\ncontact ticks while pressing (median)\n");
-    for (float radius = 2; radius <= 8; radius *= 2) {
+    const float radius = 3 * b->meta->mean_edge_m;
+    const palp_tool tool = palp_tool_sphere(radius);
+    printf("\ncontact ticks while sliding (median)\n");
+    for (uint32_t l = PALP_CONTACT_LEVELS; l-- > 0;) {
         double t[400];
-        uint32_t active = 0, top = b->domain[PALP_FREE].node[0];
-        for (uint32_t i = 0; i < b->meta->nodes; i++) {
-            if (b->rest_m[3 * i + 1] < b->rest_m[3 * top + 1] && !palp_node_is_fixed(b, i)) top = i;
-        }
-        palp_tool tool = palp_tool_sphere(radius * edge);
-        (void)palp_node_contact_init(&c, b, b->rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                                allocate_aligned(bytes, 1), bytes);
-        palp_vec3 n = palp_vec3_at(b->normal + 3 * top), x = palp_vec3_at(b->rest_m + 3 * top);
-        for (int i = 0; i < 400; i++) {
-            palp_vec3 p = palp_madd(x, edge * (radius + 1 - 0.006f * (float)i), n);
+        palp_contact *c = press_open(b, &tool, l);
+        const palp_domain *d = &b->domain[PALP_FREE];
+        palp_surface_point p = press_start(c, d->node[d->level_start[1] / 2]);
+        palp_vec3 side = palp_cross(p.n, (palp_vec3){0.3f, 0.5f, 0.8f});
+        for (int i = -20; i < 400; i++) {
+            palp_vec3 at = palp_madd(p.y, 0.9f * radius, p.n);
+            at = palp_madd(at, 1e-3f * radius * (float)(i < 0 ? 0 : i), side);
             double start = now_s();
-            uint32_t count = palp_node_contact_search(&c, &p, fresh);
-            for (uint32_t k = 0; k < count; k++) palp_node_contact_admit(&c, fresh[k]);
-            (void)palp_node_contact_solve(&c, p, (palp_grip){.held_m = p});
-            t[i] = (now_s() - start) * 1e6;
-            active = c.active_count;
+            press_hold(c, at, 1);
+            if (i >= 0) t[i] = (now_s() - start) * 1e6;
         }
         char name[96];
-        snprintf(name, sizeof name, "contact tick, tool of %g edges, %u nodes at the end",
-                 (double)radius, active);
+        snprintf(name, sizeof name, "contact tick, level %u, %u points, %u in contact at the end",
+                 l, c->count, c->active_count);
         double typical = median(t, 400);
         row(name, typical, "us", "period at 1 kHz (share)", typical / 1000);
+        press_close(c);
     }
 }
 
