@@ -27,10 +27,11 @@ static int compare(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
-/* Interrupted samples are not the machine's speed: the 90th percentile leaves them out. */
+/* Interrupted samples are not the machine's speed: the upper quartile leaves them out, also beside
+ * other work. */
 static double typical(double *sample, size_t count) {
     qsort(sample, count, sizeof *sample, compare);
-    return count > 0 ? sample[(size_t)(0.9 * (double)(count - 1))] : 0;
+    return count > 0 ? sample[(size_t)(0.75 * (double)(count - 1))] : 0;
 }
 
 /* The steps of a tick of contact. */

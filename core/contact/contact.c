@@ -14,9 +14,9 @@
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
     static const uint32_t cells[PALP_CONTACT_LEVELS] = {6, 6, 6, 20, 40};
     static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1};
-    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 40, 80};
+    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 36, 72};
     uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
-    return (palp_contact_level){cells[level], 3u * cells[level] + 6u, contacts[level], m};
+    return (palp_contact_level){cells[level], 3u * cells[level] + 2u, contacts[level], m};
 }
 
 static uint32_t room_of(uint32_t finest) {

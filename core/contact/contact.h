@@ -43,7 +43,7 @@
 
 #define PALP_CONTACT_TOOLS 4u
 #define PALP_CONTACT_BEYOND 0.03f
-#define PALP_CONTACT_MAX_POINTS 126u /* of the finest level there is */
+#define PALP_CONTACT_MAX_POINTS 122u /* of the finest level there is */
 #define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
 #define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
 
