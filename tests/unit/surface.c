@@ -487,6 +487,95 @@ static void test_progress(void) {
     AT_MOST(now_s() - start, 1, "progress beyond its total, in s");
 }
 
+/* A triangle of the node nearest to x, to begin a shot on. */
+static uint32_t nearest_triangle(const palp_blob *b, palp_vec3 x) {
+    uint32_t nearest = 0;
+    float least = INFINITY;
+    for (uint32_t i = 0; i < b->meta->nodes; i++) {
+        palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3 * i), x);
+        if (palp_dot(d, d) >= least) continue;
+        least = palp_dot(d, d);
+        nearest = i;
+    }
+    return b->regular.triangle[nearest];
+}
+
+/* The same press on two resolutions of one body, each as deep below its own surface. */
+static void test_resolutions(const baked *coarse, const baked *fine) {
+    const double edge = (double)fine->blob.meta->mean_edge_m;
+    for (int s = 0; s < 3; s++) {
+        const double radius = edge * (2 << s) / 2;
+        const palp_tool tool = palp_tool_sphere((float)radius);
+        for (int deep = 0; deep < 3; deep++) {
+            const double depth = 0.1 * (1 << deep) * radius;
+            double mean = 0, worst = 0, turned = 0;
+            uint64_t seed = 11;
+            for (int i = 0; i < 15; i++) {
+                const baked *body[2] = {coarse, fine};
+                palp_vec3 force[2];
+                double d[3];
+                direction(&seed, d);
+                for (int k = 0; k < 2; k++) {
+                    palp_contact *c = open_contact(&body[k]->blob, &tool, 1);
+                    palp_surface_point p = {.triangle =
+                                                nearest_triangle(&body[k]->blob, times(d, 1))};
+                    uint32_t crossings = 64;
+                    (void)palp_surface_shoot(&c->surface, times(d, 2), times(d, -1), &crossings,
+                                             &p);
+                    hold(c, palp_madd(p.y, (float)(radius - depth), times(d, 1)), 10);
+                    force[k] = c->force_N[0];
+                }
+                double a = (double)palp_norm(force[0]), b = (double)palp_norm(force[1]);
+                mean += (a / b - 1) / 15;
+                worst = fmax(worst, fabs(a / b - 1));
+                turned =
+                    fmax(turned, acos(fmin((double)palp_dot(force[0], force[1]) / (a * b), 1)));
+            }
+            AT_MOST(
+                100 * fabs(mean), 3,
+                "%u and %u nodes, tool of %g fine edges, %g R deep: forces apart in the mean, %%",
+                coarse->blob.meta->nodes, fine->blob.meta->nodes, radius / edge, depth / radius);
+            AT_MOST(100 * worst, 16, "at worst, %%");
+            AT_MOST(turned * 57.3, 1, "directions apart, degrees");
+        }
+    }
+}
+
+/* A soft body is pressed deeper than the tool's radius and let go again: the force goes up and down
+ * without a step, and no work is won. */
+static void test_deep(const baked *b) {
+    const float radius = 1.2f * b->blob.meta->mean_edge_m, stiffness = 2000;
+    const palp_tool tool = palp_tool_sphere(radius);
+    palp_contact *c = open_contact(&b->blob, &tool, 1);
+    palp_coupling k = {.settling = 0};
+    const int ticks = 1200;
+    double jump = 0, largest = 0, work = 0, stored = 0;
+    palp_vec3 before = {0}, was = {0};
+    palp_coupling_reset(&k);
+    k.tool[0].stiffness_N_per_m = stiffness;
+    for (int i = 0; i <= 2 * ticks; i++) {
+        float sunk = 1.2f * radius * (float)(i <= ticks ? i : 2 * ticks - i) / (float)ticks;
+        palp_vec3 device = {0.1f, 0.05f, 1.0f + radius - sunk}, at;
+        palp_contact_spring spring;
+        palp_coupling_result r;
+        palp_coupling_begin(&k, c, &device);
+        palp_coupling_springs(&k, c, &at, &spring);
+        palp_contact_solve(c, &at, &spring);
+        palp_coupling_take(&k, c, 1e-3f, &r);
+        if (i > 0) {
+            jump = fmax(jump, (double)palp_norm(palp_sub(r.force_N, before)));
+            work += 0.5 * (double)palp_dot(palp_add(r.force_N, before), palp_sub(device, was));
+        }
+        largest = fmax(largest, (double)palp_norm(r.force_N));
+        stored = fmax(stored, (double)r.energy_J);
+        before = r.force_N;
+        was = device;
+    }
+    AT_MOST(jump / largest, 0.01, "pressed %g radii deep and let go: largest step over the force",
+            1.2);
+    AT_MOST(fmax(work, 0) / stored, 1e-3, "work won over what was stored");
+}
+
 int main(void) {
     progress_quiet(1);
     test_progress();
@@ -500,6 +589,8 @@ int main(void) {
     test_dense(&ball);
     test_gradient(&ball);
     test_levels(&ball);
+    test_resolutions(&small, &ball);
+    test_deep(&ball);
     test_closed_path(&ball);
     test_answer(&ball.blob);
     test_friction(&ball.blob);
