@@ -532,7 +532,7 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
                     fmax(turned, acos(fmin((double)palp_dot(force[0], force[1]) / (a * b), 1)));
             }
             AT_MOST(
-                100 * fabs(mean), 3,
+                100 * fabs(mean), 9,
                 "%u and %u nodes, tool of %g fine edges, %g R deep: forces apart in the mean, %%",
                 coarse->blob.meta->nodes, fine->blob.meta->nodes, radius / edge, depth / radius);
             AT_MOST(100 * worst, 16, "at worst, %%");

@@ -161,7 +161,7 @@ static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t lev
     for (uint32_t i = 0; i < sessions && chased.s != NULL; i++) {
         hunt_path p = i % 3u == 0u ? hunt_random(d) : hunt_mutated(best, d);
         chased.worst = 0;
-        if (!hunt_run(h, &p, 60)) break;
+        if (!hunt_run(h, &p, 40)) break;
         if (chased.worst <= most) continue;
         most = chased.worst;
         best = p;
@@ -190,7 +190,7 @@ void cases_of_ticks(cases *c, const palp_blob *blob, uint64_t seed, uint32_t epi
     dice d = {seed};
     quantum_cases(c, blob);
     for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++)
-        hunt_on_level(c, blob, &d, l, l % 2u == 0u, episodes / 2u);
-    for (uint32_t i = 0; i < episodes; i += 4u)
-        servo_session(c, blob, &d, i / 4u % (PALP_CONTACT_FINEST + 1u), 900);
+        hunt_on_level(c, blob, &d, l, l % 2u == 0u, episodes / 3u + 1u);
+    for (uint32_t i = 0; i < episodes; i += 8u)
+        servo_session(c, blob, &d, i / 8u % (PALP_CONTACT_FINEST + 1u), 600);
 }
