@@ -9,9 +9,8 @@
  *
  *     palp_blob blob;
  *     palp_blob_open(&blob, data, bytes);                          once: everything is checked here
- *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what is never in
- * time n = palp_servo_tick(servo, &input, out, &report);            every millisecond
- *     palp_servo_spare(servo);                                     after the frames are sent
+ *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what is too slow
+ *     n = palp_servo_tick(servo, &input, out, &report);            every millisecond
  *
  * Layers, each standing on those above it:
  *   base/   status codes, vectors, small dense factorisations, CRC, arena
@@ -19,16 +18,14 @@
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface
  *   zone/   multizone models: postures, seams, the posed model as contact sees it
- *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands on
- *           blob alone)
- *   surface/ one body's surface: its points, and how it gives way between them
+ *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands
+ * on blob alone) surface/ one body's surface: its points, and how it gives way between them
  *   contact/ tools, contact points that travel with them, contact with its exact gradient, friction
  *   haptic/ virtual coupling that foresees
- *   touch/  contact at nodes: tools, contact, friction, change of constraint level, point contact, virtual coupling,
- *           imposed motion
- *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
- *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the bounded
- *           tick of a dynamic body
+ *   touch/  contact at nodes of multizone models and dynamic skins, friction, virtual coupling,
+ * imposed motion device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
+ *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
+ * bounded tick of a dynamic body
  *
  * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
  * SI and part of each name that has one. Costs are given in the counts of the blob and of the
