@@ -6,6 +6,9 @@
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
 #define MOST_SHARE 2.0f
+#define SLOWLY 4.0f
+#define NEAR 0.02f /* how far a tool whose contact was missed is put forward, over its size */
+#define FAR 0.1f
 #define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
 #define BLOCK_CHANGES 6u    /* iterations that change many points at once; then one at a time */
 
@@ -221,6 +224,7 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
         c->spring[t] = spring[t];
     }
     c->given_share = foreseen_share(c, 0);
+    c->forward = 0.0f;
 }
 
 /* The present tool's lattice is as it should be. */
@@ -229,6 +233,7 @@ static void next_tool(palp_contact *c) {
     c->fillings = 0;
     c->first = c->count;
     if (c->filling < c->tool_count) c->given_share = foreseen_share(c, c->filling);
+    c->forward = 0.0f;
 }
 
 bool palp_contact_may_skip(const palp_contact *contact) {
@@ -243,6 +248,21 @@ static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) 
                                  a.crossings + b.crossings};
 }
 
+/*
+ * The displacement by the body as a whole that a filling is to meet: as foreseen; and when a
+ * contact is missed there, less of it, with the tool put forward towards where its spring pulls it.
+ * So a contact is not lost because the tool was foreseen a little above a surface that gives hardly
+ * way.
+ */
+static palp_given given_for(const palp_contact *c, uint32_t t) {
+    palp_given g = palp_given_times(&c->given[t], c->given_share);
+    palp_vec3 pull = palp_sub(c->spring[t].held_m, c->tool_m[t]);
+    float most = c->forward * palp_tool_size(&c->tools[t]), length = palp_norm(pull);
+    if (length > most) pull = palp_scale(most / length, pull);
+    g.mean_m = palp_sub(g.mean_m, pull);
+    return g;
+}
+
 bool palp_contact_fill(palp_contact *contact) {
     palp_contact *c = contact;
     const uint32_t t = c->filling;
@@ -252,7 +272,7 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .number = t,
                                     .tool_m = c->tool_m[t],
                                     .cells = (float)c->level.cells * c->crowd,
-                                    .given = palp_given_times(&c->given[t], c->given_share),
+                                    .given = given_for(c, t),
                                     .point = c->point,
                                     .count = &c->count,
                                     .most = c->level.points,
@@ -266,9 +286,13 @@ bool palp_contact_fill(palp_contact *contact) {
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
                     60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings;
-    bool again = (flags & PALP_LATTICE_MOVED) != 0u && ++c->fillings < PALP_LATTICE_FILLINGS;
-    if (c->count == c->first) /* nothing there: the body has come back meanwhile */
+    const bool missed = c->count == c->first && c->normal_N[t] > 0.0f;
+    bool again =
+        ((flags & PALP_LATTICE_MOVED) != 0u || missed) && ++c->fillings < PALP_LATTICE_FILLINGS;
+    if (missed) {
         c->given_share = c->fillings == 1u ? 0.5f * c->given_share : 0.0f;
+        c->forward = c->fillings == 1u ? NEAR : FAR;
+    }
     if (!again) {
         if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;
         next_tool(c);
@@ -382,11 +406,30 @@ static palp_given given_to(const palp_contact *c, uint32_t t) {
     return palp_given_fit(&sums, c->tool_m[t]);
 }
 
+/*
+ * How much of what the exact force has beyond - sum lambda m is believed at once. It enters the
+ * next tick's solution as it is now, and moves a tool on a soft spring; within a cell of the
+ * lattice it may turn round. Where it could move the tool by a cell, it is followed slowly.
+ */
+static float response(const palp_contact *c, uint32_t t, float most_N) {
+    const float k = c->spring[t].stiffness_N_per_m;
+    float cell = c->lattice[t].used.spacing;
+    if (palp_lattice_is_central(&c->tools[t])) cell *= palp_tool_size(&c->tools[t]);
+    if (!(k > 0.0f)) return 1.0f;
+    return k * cell / (k * cell + SLOWLY * most_N);
+}
+
+static palp_vec3 blend(palp_vec3 from, palp_vec3 to, float share) {
+    return palp_madd(from, share, palp_sub(to, from));
+}
+
 void palp_contact_finish(palp_contact *contact) {
     palp_contact *c = contact;
     palp_vec3 push[PALP_CONTACT_TOOLS] = {{0}};
+    palp_vec3 before_N[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->normal_N[t] = 0.0f;
+        before_N[t] = c->beyond_N[t];
         c->beyond_N[t] = (palp_vec3){0};
     }
     for (uint32_t i = 0; i < c->count; i++) c->point[i].force_N = 0.0f;
@@ -412,6 +455,8 @@ void palp_contact_finish(palp_contact *contact) {
         const palp_contact_spring *s = &c->spring[t];
         float beyond = palp_norm(c->beyond_N[t]), most = PALP_CONTACT_BEYOND * palp_norm(push[t]);
         if (beyond > most) c->beyond_N[t] = palp_scale(most / beyond, c->beyond_N[t]);
+        if (c->normal_N[t] > 0.0f)
+            c->beyond_N[t] = blend(before_N[t], c->beyond_N[t], response(c, t, most));
         c->force_N[t] = palp_add(push[t], c->beyond_N[t]);
         c->rest_m[t] = s->held_m;
         if (s->stiffness_N_per_m > 0.0f)

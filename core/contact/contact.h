@@ -100,6 +100,7 @@ typedef struct {
     palp_given given[PALP_CONTACT_TOOLS];     /* by the body as a whole, in the last tick */
     float spacing_before[PALP_CONTACT_TOOLS]; /* of the lattices in the last tick */
     float given_share;                        /* of it, that the tool under way is taken to meet */
+    float forward;                            /* how far that is put forward, over its size */
     float energy_J;                           /* f C f / 2 */
     float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t *node;      /* [3 room] corners of the points' triangles, each once */

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/haptic/coupling.h"
 
-#define LARGEST_MOVE 1.0f /* of a tool that is free, over its size, per tick */
-#define LARGEST_STEP 0.5f /* of a tool in contact, from where it was foreseen, over its size */
+#define LARGEST_MOVE                                                                               \
+    0.05f /* of a free tool towards its device, beyond the device's own, over its size, per tick   \
+           */
+#define LARGEST_STEP 0.1f /* of a tool in contact, from where it was foreseen, over its size */
 #define APART 1.001f      /* of a tool that is put on the surface, over its extent */
 
 void palp_coupling_reset(palp_coupling *coupling) {
@@ -43,7 +45,9 @@ static palp_vec3 outside(const palp_contact *c, uint32_t t, palp_vec3 at) {
 }
 
 static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float size) {
-    if (!k->touching) return approach(k->tool_m, device_m, LARGEST_MOVE * size);
+    if (!k->touching)
+        return approach(palp_add(k->tool_m, palp_sub(device_m, k->device_m)), device_m,
+                        LARGEST_MOVE * size);
     palp_vec3 dx = palp_sub(device_m, k->device_m);
     float force = palp_norm(k->contact_N);
     palp_vec3 moved = palp_add(k->tool_m, dx);

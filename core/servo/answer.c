@@ -3,6 +3,7 @@
 
 #define NS_PER_S 1e9f
 #define UNKNOWN 0.05f   /* error of a level that bake has not measured */
+#define MISSES 8u       /* ticks in a row */
 #define CALM_LATEST 64u /* times PALP_ANSWER_CALM_S */
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
@@ -69,7 +70,7 @@ void palp_answer_reset(palp_answer *answer) {
     palp_contact_clear(&a->contact);
     palp_coupling_reset(&a->coupling);
     a->contact.now = a->limit;
-    a->held_in_a_row = a->calm = 0;
+    a->held_in_a_row = a->calm = a->missed = 0;
     a->calm_wanted = 1;
 }
 
@@ -111,7 +112,18 @@ static void choose_level(palp_answer *a) {
 
 /* ---- the tick ---- */
 
-/* Points and the matrix between them; false when time has run out meanwhile. */
+/* A contact that presses and is not found is looked for again in the next ticks before it is let
+ * go; meanwhile the tool goes on as foreseen, which lets go by itself when the device draws back.
+ */
+static bool bridges(palp_answer *a) {
+    bool pressing = false;
+    for (uint32_t t = 0; t < a->config.tool_count; t++)
+        pressing = pressing || (a->coupling.tool[t].touching && a->contact.normal_N[t] > 0.0f);
+    return pressing && a->missed++ < MISSES;
+}
+
+/* Points and the matrix between them; false when time has run out meanwhile, or a contact that was
+ * there is missed. */
 static bool prepare(palp_answer *a, palp_answer_report *r) {
     palp_contact *c = &a->contact;
     const palp_contact_level l = palp_contact_level_of(c->now, a->bound.modes);
@@ -134,7 +146,7 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
             more = c->filling < c->tool_count;
         }
     }
-    if (palp_contact_points(c) == 0u) return true;
+    if (palp_contact_points(c) == 0u) return !bridges(a);
     /* at most room / PALP_CONTACT_ROWS */
     while (palp_contact_assemble(c)) {}
     return true;
@@ -148,7 +160,7 @@ static float iteration_ns(const palp_answer *a) {
            palp_contact_cost_finish(&a->bound, c->level, c->count, active);
 }
 
-/* False when time has run out. */
+/* False when time or iterations have run out. */
 static bool solve(palp_answer *a, palp_answer_report *r) {
     palp_contact *c = &a->contact;
     bool more = c->count > 0u;
@@ -161,6 +173,7 @@ static bool solve(palp_answer *a, palp_answer_report *r) {
         }
         more = palp_contact_iterate(c);
     }
+    if ((c->flags & PALP_CONTACT_SPENT) != 0u) return false; /* no solution to go by */
     if (palp_contact_cost_finish(&a->bound, c->level, c->count, c->active_count) > left_ns(a))
         return false;
     palp_contact_finish(c);
@@ -192,13 +205,16 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
     bool fits = a->least_ns[c->now] - a->config.before_ns - a->tail_ns <= left_ns(a);
     if (fits && prepare(a, &r) && solve(a, &r)) {
         palp_coupling_take(&a->coupling, c, a->config.dt_s, result);
+        if (c->count > 0u) a->missed = 0;
         a->held_in_a_row = 0;
         a->calm++;
     } else {
         palp_coupling_hold(&a->coupling, c, a->config.dt_s, result);
         a->held++;
-        a->held_in_a_row++;
-        a->calm = 0;
+        if (!fits || r.shortened) { /* for want of time */
+            a->held_in_a_row++;
+            a->calm = 0;
+        }
         r.held = true;
     }
     r.doubt_N = doubt(a, result, r.held);

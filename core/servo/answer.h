@@ -43,6 +43,7 @@ typedef struct {
     uint64_t start_ns;                   /* of the tick under way */
     uint32_t limit;                      /* finest level that always fits the period */
     uint32_t held_in_a_row, calm, calm_wanted;
+    uint32_t missed; /* ticks in a row in which a contact was not found again */
     palp_vec3 solved_N[PALP_CONTACT_TOOLS]; /* on the devices, when last solved */
     uint64_t held, coarsened, refined;      /* ticks, changes so far */
 } palp_answer;
@@ -51,7 +52,7 @@ typedef struct {
     uint32_t level, flags; /* PALP_CONTACT_ flags */
     uint32_t points, active, iterations;
     float doubt_N;  /* by how much the largest force of a tool may be off, see below */
-    bool held;      /* went on as foreseen, without a contact of its own */
+    bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */
     bool shortened; /* did less than it would have with more time */
 } palp_answer_report;
 

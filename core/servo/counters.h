@@ -24,7 +24,7 @@ typedef struct {
     uint64_t bus_faults;  /* bus-off, link down, frames not taken */
     uint64_t bus_warnings, overflows; /* error-passive; frames that the receiver had no room for */
     uint64_t outside;                 /* ticks beyond the workspace or near a singular pose */
-    uint64_t held;                    /* ticks that went on as foreseen for want of time */
+    uint64_t held;                    /* ticks that went on as foreseen (palp_report.held) */
     uint64_t coarsened, refined;      /* changes of the level of contact */
     uint64_t resets;                  /* by the operator */
 } palp_counters;

@@ -62,8 +62,8 @@ typedef struct {
     float absorbed_J;   /* net energy that the hand has put in since RUN */
     float doubt_N;      /* by how much the force may be off (answer.h); device units */
     float unforeseen_m; /* how far the tool came to rest from where it was foreseen (model) */
-    bool held;          /* no time for a contact: went on as foreseen */
-    bool shortened;     /* did less than it would have with more time */
+    bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */
+    bool shortened; /* did less than it would have with more time */
     bool slipping, braked;
 } palp_report;
 
