@@ -101,7 +101,8 @@
     X(FOLLOW, "follow", "derivatives of one place of a lattice")                                   \
     X(ITERATION, "iteration", "a change of the active set")                                        \
     X(PRESSED, "pressed", "one point in contact in it, or outside")                                \
-    X(FINISH, "finish", "the end of a contact for one tool")
+    X(FINISH, "finish", "the end of a contact for one tool")                                       \
+    X(SOUGHT, "sought", "one node in the search for the nearest")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,
 typedef enum { PALP_WORK_LIST(PALP_WORK_NAME) PALP_WORKS } palp_work;

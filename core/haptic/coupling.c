@@ -11,6 +11,7 @@ void palp_coupling_reset(palp_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         k->placed = k->touching = false;
+        k->looked = 0;
         k->contact_N = k->offset_N = (palp_vec3){0};
         k->contact_stiffness_N_per_m = 0.0f;
         palp_friction_reset(&k->friction);
@@ -25,19 +26,26 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
     return length > farthest ? palp_madd(from, farthest / length, move) : to;
 }
 
-/* A place for a tool that is found at `at`: there, or above the surface if that is inside the
- * body, seen from the nearest node. */
-static palp_vec3 outside(const palp_contact *c, uint32_t t, palp_vec3 at) {
-    const palp_blob *b = c->surface.blob;
-    uint32_t nearest = 0;
-    float least = 0.0f;
-    for (uint32_t i = 0; i < b->meta->nodes; i++) {
+/* Looks on for the node nearest to where a tool was found; true when all have been looked at. */
+static bool look_on(palp_coupling_tool *k, const palp_blob *b, palp_vec3 at) {
+    const uint32_t nodes = b->meta->nodes;
+    uint32_t end =
+        k->looked + PALP_COUPLING_LOOKS < nodes ? k->looked + PALP_COUPLING_LOOKS : nodes;
+    for (uint32_t i = k->looked; i < end; i++) {
         palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)i), at);
         float distance2 = palp_dot(d, d);
-        if (i > 0u && distance2 >= least) continue;
-        nearest = i;
-        least = distance2;
+        if (i > 0u && distance2 >= k->least_m2) continue;
+        k->nearest = i;
+        k->least_m2 = distance2;
     }
+    k->looked = end;
+    return end == nodes;
+}
+
+/* A place for a tool that is found at `at`: there, or above the surface if that is inside the
+ * body, seen from the nearest node. */
+static palp_vec3 outside(const palp_contact *c, uint32_t t, uint32_t nearest, palp_vec3 at) {
+    const palp_blob *b = c->surface.blob;
     palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)nearest);
     palp_vec3 n = palp_vec3_at(b->normal + 3u * (size_t)nearest);
     if (palp_dot(palp_sub(at, x), n) >= 0.0f) return at;
@@ -62,19 +70,24 @@ static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float 
     return palp_madd(moved, -palp_friction_share(&k->friction, k->stiffness_N_per_m), across);
 }
 
-void palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
+bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_vec3 *device_m) {
+    bool ready = true;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         float size = palp_tool_size(&contact->tools[t]);
         coupling->next_m[t] = device_m[t];
         if (!k->placed) {
-            k->tool_m = k->expected_m = outside(contact, t, device_m[t]);
+            k->placed = look_on(k, contact->surface.blob, device_m[t]);
+            k->tool_m = k->placed ? outside(contact, t, k->nearest, device_m[t]) : device_m[t];
+            k->expected_m = k->tool_m;
             k->device_m = device_m[t];
+            ready = ready && k->placed;
             continue;
         }
         k->expected_m = foresee(k, device_m[t], size);
     }
+    return ready;
 }
 
 void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
@@ -105,7 +118,6 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
         force = palp_madd(force, -k->damping_Ns_per_m, velocity);
     }
     k->device_m = device;
-    k->placed = true;
     k->offset_N = palp_scale(1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f), k->offset_N);
     result[t] = (palp_coupling_result){
         .force_N = force, .tool_m = tool_m, .moved_m = moved, .energy_J = energy};

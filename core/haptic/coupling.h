@@ -24,6 +24,7 @@
 
 #include "core/contact/friction.h"
 
+#define PALP_COUPLING_LOOKS 256u
 #define PALP_COUPLING_FADE_S 0.03f
 #define PALP_COUPLING_OFFSET 0.1f
 #define PALP_COUPLING_SETTLING 3u /* answers after a change of level that O makes up for */
@@ -39,6 +40,8 @@ typedef struct {
     float contact_stiffness_N_per_m; /* k_c */
     palp_friction friction;
     bool placed, touching;
+    uint32_t looked, nearest; /* nodes, before it is placed */
+    float least_m2;
 } palp_coupling_tool;
 
 typedef struct {
@@ -57,9 +60,13 @@ typedef struct {
 /* Lets all tools go; the next tick finds them at the device, or on the surface above it. */
 void palp_coupling_reset(palp_coupling *coupling);
 
-/* Begins a tick with the devices at device_m[tool_count]. Cost: 60 per tool; at its first tick a
- * look at every node. */
-void palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
+/*
+ * Begins a tick with the devices at device_m[tool_count]. After a reset a tool is first placed, by
+ * the node of the body that is nearest to its device, PALP_COUPLING_LOOKS of them in a tick; false
+ * while one is not: there is no contact to be solved yet, and palp_coupling_hold answers 0. Cost:
+ * 60 per tool, or 10 for each look.
+ */
+bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_vec3 *device_m);
 
 /* Where the contact should look, and the springs that it should solve with. */

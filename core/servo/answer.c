@@ -10,7 +10,9 @@
 
 float palp_answer_cost_around(const palp_contact_cost *cost) {
     const palp_contact_cost *c = cost;
-    return PRICE(c, TICK) + c->tools * (PRICE(c, COUPLE) + PRICE(c, LEAVE)) + PRICE(c, QUANTUM);
+    return PRICE(c, TICK) + PRICE(c, QUANTUM) +
+           c->tools *
+               (PRICE(c, COUPLE) + PRICE(c, LEAVE) + (float)PALP_COUPLING_LOOKS * PRICE(c, SOUGHT));
 }
 
 /* Solving and ending with so many iterations, at the most points that the level allows. */
@@ -201,9 +203,9 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
     palp_answer_report r = {.flags = 0};
     a->start_ns = start_ns;
     choose_level(a);
-    palp_coupling_begin(&a->coupling, c, device_m);
+    const bool placed = palp_coupling_begin(&a->coupling, c, device_m);
     bool fits = a->least_ns[c->now] - a->config.before_ns - a->tail_ns <= left_ns(a);
-    if (fits && prepare(a, &r) && solve(a, &r)) {
+    if (placed && fits && prepare(a, &r) && solve(a, &r)) {
         palp_coupling_take(&a->coupling, c, a->config.dt_s, result);
         if (c->count > 0u) a->missed = 0;
         a->held_in_a_row = 0;

@@ -80,7 +80,8 @@ void palp_answer_reset(palp_answer *answer);
 void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
                       palp_coupling_result *result, palp_answer_report *report);
 
-/* What surrounds the contact in a tick: TICK + tools (COUPLE + LEAVE) + QUANTUM. */
+/* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE +
+ * LEAVE + PALP_COUPLING_LOOKS SOUGHT). */
 float palp_answer_cost_around(const palp_contact_cost *cost);
 /* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);

@@ -34,7 +34,7 @@ const palp_target palp_target_counted = {
       [PALP_WORK_POINT] = 200,       [PALP_WORK_MODE_AT] = 10,       [PALP_WORK_COMPLIANCE] = 40,
       [PALP_WORK_MODE_PAIR] = 1,     [PALP_WORK_CORNER] = 12,        [PALP_WORK_CORNER_MODE] = 3,
       [PALP_WORK_DISPLACE] = 64,     [PALP_WORK_FOLLOW] = 1000,      [PALP_WORK_ITERATION] = 40,
-      [PALP_WORK_PRESSED] = 20,      [PALP_WORK_FINISH] = 400}}};
+      [PALP_WORK_PRESSED] = 20,      [PALP_WORK_FINISH] = 400,       [PALP_WORK_SOUGHT] = 10}}};
 
 const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_PAD] = 64,
@@ -117,4 +117,5 @@ const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_FOLLOW] = 400,
                                          [PALP_WORK_ITERATION] = 64,
                                          [PALP_WORK_PRESSED] = 32,
-                                         [PALP_WORK_FINISH] = 512}};
+                                         [PALP_WORK_FINISH] = 512,
+                                         [PALP_WORK_SOUGHT] = 12}};

@@ -558,7 +558,7 @@ static void test_deep(const baked *b) {
         palp_vec3 device = {0.1f, 0.05f, 1.0f + radius - sunk}, at;
         palp_contact_spring spring;
         palp_coupling_result r;
-        palp_coupling_begin(&k, c, &device);
+        while (!palp_coupling_begin(&k, c, &device)) {}
         palp_coupling_springs(&k, c, &at, &spring);
         palp_contact_solve(c, &at, &spring);
         palp_coupling_take(&k, c, 1e-3f, &r);

@@ -30,7 +30,7 @@ static void start(rig *r, const palp_blob *b, uint32_t tools, float stiffness) {
 static void tick(rig *r, const palp_vec3 *device) {
     palp_vec3 at[PALP_CONTACT_TOOLS];
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_coupling_begin(&r->coupling, &r->contact, device);
+    while (!palp_coupling_begin(&r->coupling, &r->contact, device)) {}
     palp_coupling_springs(&r->coupling, &r->contact, at, spring);
     palp_contact_solve(&r->contact, at, spring);
     palp_coupling_take(&r->coupling, &r->contact, 0.001f, r->result);

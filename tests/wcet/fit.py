@@ -75,7 +75,7 @@ say = np.array([SAY.get(k[0].split("@")[0], 1) for k in classes])
 # Dynamic bodies and changes of level are rarer among the cases, and what an extraction meets is not counted: more room
 # for what was not met.
 MORE = {"steps": 1.06, "impose": 1.06, "adapt": 1.06, "drop": 1.12, "climb": 1.12, "load": 1.25, "follow": 1.12,
-        "extract": 1.1, "finish": 1.3, "fill": 1.1, "points": 1.1}
+        "extract": 1.1, "finish": 1.3, "fill": 1.1, "points": 1.1, "tick": 1.2}
 room = np.array([a.head_room * MORE.get(o.split("@")[0], 1) for o in ops])
 floor = hstack([-f[:, used], csr_matrix((n, c))])
 largest = hstack([f[:, used], csr_matrix((-most[cls], (np.arange(n), cls)), shape=(n, c))])
