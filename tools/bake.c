@@ -322,7 +322,8 @@ int command_bake(int argc, char **argv) {
                            .compress = {.epsilon = s.epsilon, .rule = s.rule, .half = s.half},
                            .table_bytes = s.table_mb * 1e6,
                            .raw = s.raw,
-                           .modes = s.modes};
+                           .modes = s.modes,
+                           .presses = BUILD_PRESSES};
     domains d = domains_build(&m, fixed, area, build.wavelet);
     build.constraint_level = choose_constraint_level(&s, &m, &d);
     detail_data detail = {.vertices = 0};

@@ -243,12 +243,14 @@ static palp_blob reopen(builder *b, built *out) {
 }
 
 /* Presses on nodes of all of the free surface; NULL when none was clear. */
-#define PRESS_PLACES 24u
-static const float *measure_levels(const palp_blob *blob, built *out, float error[][2]) {
+static const float *measure_levels(const palp_blob *blob, uint32_t presses, built *out,
+                                   float error[][2]) {
     const palp_domain *d = &blob->domain[PALP_FREE];
-    uint32_t place[PRESS_PLACES], places = d->slots < PRESS_PLACES ? d->slots : PRESS_PLACES;
+    uint32_t places = d->slots < presses ? d->slots : presses;
+    uint32_t *place = allocate(places, sizeof *place);
     for (uint32_t i = 0; i < places; i++) place[i] = d->node[(size_t)i * d->slots / places];
     out->levels = press_levels(blob, place, places);
+    free(place);
     for (uint32_t l = 0; l < PALP_LEVEL_ERRORS; l++) {
         error[l][0] = (float)out->levels.mean[l];
         error[l][1] = (float)out->levels.worst[l];
@@ -307,7 +309,8 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         b.content.softening = softening;
     }
     float level_error[PALP_LEVEL_ERRORS][2];
-    if (blob.regular.modes > 0) b.content.level_error = measure_levels(&blob, &out, level_error);
+    if (blob.regular.modes > 0 && options->presses > 0)
+        b.content.level_error = measure_levels(&blob, options->presses, &out, level_error);
     (void)reopen(&b, &out);
     free(softening);
     regular_free(&regular);

@@ -17,8 +17,10 @@ typedef struct {
     const detail_data *detail; /* display surface; NULL: none */
     uint32_t constraint_level; /* finest level whose columns are stored */
     uint32_t modes;            /* of the regular part, for contact; 0: none */
+    uint32_t presses;          /* places at which the levels of contact are measured; 0: not */
 } build_options;
 
+#define BUILD_PRESSES 24u
 #define BUILD_MODES 56u /* by default: 0.9 MB with 2,562 nodes */
 
 typedef struct {
