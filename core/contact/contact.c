@@ -107,7 +107,10 @@ void palp_contact_clear(palp_contact *contact) {
 
 /* ---- points ---- */
 
-static int16_t nearest(float x) { return (int16_t)(x + (x >= 0.0f ? 0.5f : -0.5f)); }
+static int16_t nearest(float x) {
+    x = palp_clamp(x, -16000.0f, 16000.0f);
+    return (int16_t)(x + (x >= 0.0f ? 0.5f : -0.5f));
+}
 
 /* The contact point of the last tick at the same place of the lattice, or next to it; NULL if
  * there is none. */
