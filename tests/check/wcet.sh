@@ -3,7 +3,7 @@
 # virtual time are never late; what numbers an input holds does not change what it costs; the bare image runs.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-scale=${PALP_SCALE:-2} # episodes of every kind of case, times ten
+scale=${PALP_SCALE:-1} # episodes of every kind of case, times ten
 skip() { # skip NAME COMMAND
     count=$((count + 1))
     echo "ok $count - $1 # SKIP $2 is not installed (make deps)"
@@ -52,11 +52,11 @@ done
 native="-std=gnu11 -O2 -fno-math-errno -D_GNU_SOURCE -I. -static"
 gcc $native tests/wcet/deadline.c tools/hunt.c "$BUILD/libpalp.a" -lm -o "$work/deadline" || exit 1
 if command -v qemu-x86_64 > /dev/null && command -v valgrind > /dev/null; then
-    qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/deadline" "$work/small.palp" 3000 1 > /dev/null
+    qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/deadline" "$work/small.palp" 1000 1 > /dev/null
     plugin=$(od -An -tu8 -N8 "$work/count" | tr -d ' ')
-    callgrind=$(valgrind --tool=callgrind --callgrind-out-file=/dev/null "$work/deadline" "$work/small.palp" 3000 1 2>&1 | sed -n 's/.*Collected : //p')
+    callgrind=$(valgrind --tool=callgrind --callgrind-out-file=/dev/null "$work/deadline" "$work/small.palp" 1000 1 2>&1 | sed -n 's/.*Collected : //p')
     awk -v a="$plugin" -v b="$callgrind" 'BEGIN {exit !(a > 1e6 && a / b < 1.005 && a / b > 0.995)}'
-    ok $? "3000 ticks are $plugin instructions by the plugin, $callgrind by callgrind"
+    ok $? "1000 ticks are $plugin instructions by the plugin, $callgrind by callgrind"
 else
     skip "plugin against callgrind" "qemu-x86_64 or valgrind"
 fi
@@ -75,7 +75,7 @@ if command -v qemu-x86_64 > /dev/null; then # and by instructions
     sh tests/wcet/cases.sh x86-64
     gcc $native -DINSTRUCTIONS tests/wcet/deadline.c tests/wcet/instructions.c tools/hunt.c "$BUILD"/wcet/x86-64/core_*.o -lm -o "$work/exact" || exit 1
     for b in small tables; do
-        PALP_COUNT=$work/count qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/exact" "$work/$b.palp" 100000 5 > "$work/exact.out"
+        PALP_COUNT=$work/count qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/exact" "$work/$b.palp" 10000 5 > "$work/exact.out"
         ok $? "clock driven by counted instructions: $(cat "$work/exact.out")"
     done
 fi
