@@ -102,6 +102,7 @@ void palp_contact_clear(palp_contact *contact) {
     }
     c->count = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
+    c->solved = false;
     c->crowd = 1.0f;
 }
 
@@ -159,7 +160,13 @@ static void list_corners(palp_contact *c, uint32_t i) {
     }
 }
 
+/* A tick that was given up before its end leaves nothing to go on from. */
 static void swap_ticks(palp_contact *c) {
+    if (!c->solved) {
+        c->count = 0;
+        return;
+    }
+    c->solved = false;
     palp_contact_point *point = c->point;
     palp_lattice_table *table = c->table;
     c->point = c->before;
@@ -442,6 +449,7 @@ void palp_contact_finish(palp_contact *contact) {
         c->normal_N[p->tool] += p->force_N;
         push[p->tool] = palp_madd(push[p->tool], -p->force_N, p->m);
     }
+    c->solved = true;
     palp_contact_gather(c);
     for (uint32_t k = 0; k < c->nodes; k++)
         c->node_u_m[k] = palp_surface_corner(&c->surface, c->node[k], c->level.modes, c->load);

@@ -91,6 +91,7 @@ typedef struct {
     palp_lattice_table *table, *table_before; /* [tool_count] */
     uint32_t count;                           /* contact points */
     uint32_t count_before;
+    bool solved; /* the last tick was finished */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     palp_vec3 tool_m[PALP_CONTACT_TOOLS];     /* where the tools are taken to be */
     palp_vec3 rest_m[PALP_CONTACT_TOOLS];     /* where they come to rest */

@@ -124,6 +124,21 @@ static bool bridges(palp_answer *a) {
     return pressing && a->missed++ < MISSES;
 }
 
+/* Bound of one more iteration and the end of the contact, as many points as there are. */
+static float iteration_ns(const palp_answer *a) {
+    const palp_contact *c = &a->contact;
+    uint32_t active = c->count < c->level.contacts ? c->count : c->level.contacts;
+    return palp_contact_cost_iterate(&a->bound, c->count, active) +
+           palp_contact_cost_finish(&a->bound, c->level, c->count, active);
+}
+
+/* Bound of the rows of the matrix that are missing, an iteration and the end. */
+static float rows_ns(const palp_answer *a) {
+    const palp_contact *c = &a->contact;
+    return palp_contact_cost_assemble(&a->bound, c->level, c->count) -
+           palp_contact_cost_assemble(&a->bound, c->level, c->row) + iteration_ns(a);
+}
+
 /* Points and the matrix between them; false when time has run out meanwhile, or a contact that was
  * there is missed. */
 static bool prepare(palp_answer *a, palp_answer_report *r) {
@@ -148,18 +163,25 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
             more = c->filling < c->tool_count;
         }
     }
-    if (palp_contact_points(c) == 0u) return !bridges(a);
+    if (c->count == 0u) {
+        palp_contact_points(c); /* none */
+        return !bridges(a);
+    }
+    if (palp_contact_cost_points(&a->bound, l, c->count) + rows_ns(a) > left_ns(a)) {
+        r->shortened = true;
+        return false;
+    }
+    palp_contact_points(c);
+    bool rows = true;
     /* at most room / PALP_CONTACT_ROWS */
-    while (palp_contact_assemble(c)) {}
+    while (rows) {
+        if (rows_ns(a) > left_ns(a)) {
+            r->shortened = true;
+            return false;
+        }
+        rows = palp_contact_assemble(c);
+    }
     return true;
-}
-
-/* Bound of one more iteration and the end of the contact, as many points as there are. */
-static float iteration_ns(const palp_answer *a) {
-    const palp_contact *c = &a->contact;
-    uint32_t active = c->count < c->level.contacts ? c->count : c->level.contacts;
-    return palp_contact_cost_iterate(&a->bound, c->count, active) +
-           palp_contact_cost_finish(&a->bound, c->level, c->count, active);
 }
 
 /* False when time or iterations have run out. */

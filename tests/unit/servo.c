@@ -100,7 +100,11 @@ static void test_run(void) {
     const palp_counters *c = palp_servo_counters(r.servo);
     CHECK(c->rejected == 0 && c->implausible == 0 && c->late == 0 && c->overruns == 0 &&
               c->frozen == 0 && c->braked == 0,
-          "nothing rejected, implausible, late, overrun, frozen or braked");
+          "nothing rejected %llu, implausible %llu, late %llu, overrun %llu, frozen %llu or braked "
+          "%llu",
+          (unsigned long long)c->rejected, (unsigned long long)c->implausible,
+          (unsigned long long)c->late, (unsigned long long)c->overruns,
+          (unsigned long long)c->frozen, (unsigned long long)c->braked);
     rig_stop(&r);
 }
 
