@@ -115,7 +115,7 @@ static double slowest(bench *b, int rounds) {
 void calibrate(machine *m, const palp_blob *blob, const palp_tool *tool, uint32_t node, bool cold) {
     const palp_target *target = machine_of_this_build();
     machine_find(m, target != NULL ? target->name : palp_target_counted.name);
-    bench b = {.contact = press_open(blob, tool, PALP_CONTACT_FINEST),
+    bench b = {.contact = press_open(blob, tool, 1, PALP_CONTACT_FINEST),
                .instructions = palp_contact_cost_of(blob, tool, 1, &m->target.instructions),
                .bytes = palp_contact_cost_of(blob, tool, 1, &palp_bytes_touched),
                .x = palp_vec3_at(blob->rest_m + 3 * node),

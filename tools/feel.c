@@ -223,7 +223,7 @@ static void against_hertz(bench *b) {
             if (!(effective > 0) || effective > 4 * radius) continue;
             double depth = a * a / effective, force = 0;
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(b->blob, &tool, PALP_CONTACT_FINEST);
+            palp_contact *c = press_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_surface_point p = press_start(c, b->place[i]);
             double h = regular_compliance(c, &p);
             palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
@@ -275,7 +275,7 @@ typedef struct {
 static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t level,
                   uint32_t *lost, path_ripple *r) {
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, level);
+    palp_contact *c = press_open(b->blob, &tool, 1, level);
     palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.3f, 0.5f, 0.8f};
     double f[PATH_TICKS], t[PATH_TICKS];
@@ -432,7 +432,7 @@ typedef struct {
 static script write_script(bench *b, uint32_t node, double radius, double depth) {
     script s;
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 0);
+    palp_contact *c = press_open(b->blob, &tool, 1, 0);
     palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.5f, 0.2f, 0.7f};
     for (int i = 0; i < SCRIPT_TICKS; i++) {
@@ -595,7 +595,7 @@ static void closed_paths(bench *b) {
         for (uint32_t i = 0; i < 3 && i < b->places; i++) {
             double radius = 2 * b->edge_m, depth = 0.15 * radius, work = 0, stored = 0;
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(b->blob, &tool, l);
+            palp_contact *c = press_open(b->blob, &tool, 1, l);
             palp_surface_point p = press_start(c, b->place[i]);
             palp_vec3 t = {0.3f, 0.5f, 0.8f}, before_m = {0}, before_N = {0};
             t = palp_madd(t, -palp_dot(t, p.n), p.n);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Hunting the dearest tick: a ball goes over a body in a way that a few numbers describe, and the
- * numbers of what was dear are changed a little, again and again. Stands on core alone, so that the
- * same hunt runs on bare targets, where instructions are counted.
+ * Hunting the most expensive tick: a ball goes over a body in a way that a few numbers describe,
+ * and the numbers of what was dear are changed a little, again and again. Stands on core alone, so
+ * that the same hunt runs on bare targets, where instructions are counted.
  */
 #ifndef PALP_TOOLS_HUNT_H
 #define PALP_TOOLS_HUNT_H

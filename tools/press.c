@@ -14,11 +14,12 @@ static palp_vec3 at_node(const float *x, uint32_t node) {
     return palp_vec3_at(x + 3 * (size_t)node);
 }
 
-palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t level) {
-    size_t bytes = palp_contact_memsize(blob, 1, FINEST);
+palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
+                         uint32_t level) {
+    size_t bytes = palp_contact_memsize(blob, tools, FINEST);
     palp_contact *c = allocate(1, sizeof *c);
     palp_status status =
-        palp_contact_init(c, blob, tool, 1, FINEST, allocate_aligned(bytes, 1), bytes);
+        palp_contact_init(c, blob, tool, tools, FINEST, allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK)
         die(EXIT_WORK, "the body cannot be touched (%s): bake it again", palp_status_text(status));
     c->now = level;
@@ -78,7 +79,7 @@ static void press_one(void *context, size_t i) {
     const double radius = sizes[i % SIZES] * (double)w->blob->meta->mean_edge_m,
                  depth = DEPTH * radius;
     const palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(w->blob, &tool, FINEST);
+    palp_contact *c = press_open(w->blob, &tool, 1, FINEST);
     palp_surface_point p = press_start(c, w->place[i / SIZES]);
     palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
     press *out = &w->of[i];

@@ -5,12 +5,13 @@
 
 #include "core/contact/contact.h"
 
-/* A contact of one tool, on `level` of the finest there is. Exits when the body cannot be touched.
- */
-palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t level);
+/* A contact of so many tools, on `level` of the finest there is. Exits when the body cannot be
+ * touched. */
+palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
+                         uint32_t level);
 void press_close(palp_contact *contact);
 
-/* Holds the tool rigidly at a place for so many ticks. */
+/* Holds the only tool rigidly at a place for so many ticks. */
 void press_hold(palp_contact *contact, palp_vec3 at, int ticks);
 
 /* The point of the smooth surface that a shot along -n from `from` meets; p->triangle is where to

@@ -28,8 +28,8 @@ typedef struct {
     size_t ram_bytes, stack_bytes;
 } wcet_table;
 
-/* Looks for the dearest tick on each level for so many seconds and says on stderr how near it comes
- * to the bound; writes its path to spec->keep. */
+/* Looks for the most expensive tick on each level for so many seconds and says on stderr how near
+ * it comes to the bound; writes its path to spec->keep. */
 void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob);
 /* Goes along a kept path and prints a line per tick. Returns the exit code. */
 int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob);

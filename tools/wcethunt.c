@@ -12,16 +12,16 @@
 #define TICKS 200
 #define CHILL_BYTES (32u << 20)
 
-/* The dearest tick of a level, by the prices of the target, and how long it took here. */
+/* The most expensive tick of a level, by the prices of the target, and how long it took here. */
 typedef struct {
     hunt_tick tick;
     double instructions;
     hunt_path path;
-} dearest;
+} costliest;
 
 typedef struct {
     palp_contact_cost cost;
-    dearest of[PALP_CONTACT_LEVELS];
+    costliest of[PALP_CONTACT_LEVELS];
     double best;           /* of the path under way */
     double longest_ns;     /* of any of its ticks, by the clock */
     const hunt_path *path; /* under way */
@@ -44,7 +44,7 @@ static void told(void *context, const hunt_tick *tick) {
         printf("%" PRIu64 ",%u,%u,%u,%u,%u,%.0f\n", h->ticks - 1, tick->level,
                tick->filled.fillings, tick->points, tick->active, tick->iterations, instructions);
     if (instructions > h->of[tick->level].instructions)
-        h->of[tick->level] = (dearest){*tick, instructions, *h->path};
+        h->of[tick->level] = (costliest){*tick, instructions, *h->path};
 }
 
 static hunter *make_hunter(const wcet_spec *s, const machine *m, const palp_blob *blob,
@@ -70,11 +70,12 @@ static void run(hunter *h, hunting *state, const hunt_path *path) {
     if (!hunt_run(h, path, TICKS)) die(EXIT_WORK, "the body cannot be touched: bake it again");
 }
 
-static void keep_path(const char *file, const dearest *d) {
+static void keep_path(const char *file, const costliest *d) {
     output out = open_output(file);
     const hunt_path *p = &d->path;
     fprintf(out.file,
-            "# the path of the dearest tick that palp wcet --hunt found (--replay goes along it)\n"
+            "# the path of the most expensive tick that palp wcet --hunt found (--replay goes "
+            "along it)\n"
             "dwell %u\nradius %.9g\nstiffness %.9g\nsunk %.9g\nswing %.9g\ntremble %.9g\nfar %.9g\n"
             "seed %" PRIu64 "\n",
             p->dwell, (double)p->radius, (double)p->stiffness, (double)p->sunk, (double)p->swing,
@@ -109,7 +110,7 @@ void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
             "hunted %" PRIu64 " ticks on %u paths; what was done, at the target's prices:\n",
             state->ticks, paths);
     for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++) {
-        const dearest *w = &state->of[l];
+        const costliest *w = &state->of[l];
         double bound = (double)palp_answer_cost_full(&state->cost, l);
         fprintf(stderr,
                 "  level %u: %.0f of at most %.0f instructions (%.2f): %u fillings, %u points, %u "
@@ -125,7 +126,8 @@ void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
     state->longest_ns = 0;
     run(h, state, &best);
     fprintf(stderr,
-            "  the dearest path again on this machine: longest tick %.0f us, with caches filled by "
+            "  the most expensive path again on this machine: longest tick %.0f us, with caches "
+            "filled by "
             "other data before every tick %.0f us (measured, no bound)\n",
             warm * 1e-3, state->longest_ns * 1e-3);
     if (spec->keep != NULL) keep_path(spec->keep, &state->of[PALP_CONTACT_FINEST]);

@@ -92,9 +92,9 @@ typedef enum {
     PALP_SEC_DETAIL_TRIANGLE = 100, /* u32[detail_triangles][3] */
     PALP_SEC_DETAIL_NEAR = 101,     /* u32[nodes + 1] detail vertices around each node: offsets */
     PALP_SEC_DETAIL_LIST = 102,     /* u32[detail_vertices] and the vertices */
-    PALP_SEC_LEVEL_ERROR = 105,   /* f32[PALP_LEVEL_ERRORS][2]: error of the force on each level of
-                                     contact against the finest, mean and worst; may be missing */
-    PALP_SEC_NODE_TRIANGLE = 104, /* with ACROSS: u32[nodes] one of the triangles of each node */
+    PALP_SEC_NODE_TRIANGLE = 104,   /* with ACROSS: u32[nodes] one of the triangles of each node */
+    PALP_SEC_LEVEL_ERROR = 105, /* f32[PALP_LEVEL_ERRORS][2]: error of the force on each level of
+                                   contact against the finest, mean and worst; may be missing */
     /* Constraint hierarchy of the free domain: + PALP_LEVEL_STRIDE * level. The columns of level
      * constraint_level are those of block free-free above. */
     PALP_SEC_LEVEL_OFFSET = 128, /* the four column sections, as above */

@@ -6,8 +6,9 @@
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
 #define MOST_SHARE 2.0f
-#define SLOWLY 4.0f
-#define NEAR 0.02f /* how far a tool whose contact was missed is put forward, over its size */
+#define SLOWLY 4.0f /* a step of the force beyond counts so many times against a cell */
+/* How far a tool whose contact was missed is put forward, over its size: first, and then. */
+#define NEAR 0.02f
 #define FAR 0.1f
 #define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
 #define BLOCK_CHANGES 6u    /* iterations that change many points at once; then one at a time */
@@ -226,7 +227,7 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     forget_nodes(c);
     bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
     c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.01f * c->crowd, 1.0f);
-    c->flags = c->row = c->iterations = c->most_active = 0;
+    c->flags = c->row = c->iterations = c->most_active = c->active_count = 0;
     c->filled = (palp_lattice_counts){.fillings = 0};
     c->filling = c->fillings = c->first = 0;
     for (uint32_t t = 0; t < c->tool_count; t++) {
@@ -266,6 +267,7 @@ static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) 
  */
 static palp_given given_for(const palp_contact *c, uint32_t t) {
     palp_given g = palp_given_times(&c->given[t], c->given_share);
+    if (!(c->forward > 0.0f)) return g;
     palp_vec3 pull = palp_sub(c->spring[t].held_m, c->tool_m[t]);
     float most = c->forward * palp_tool_size(&c->tools[t]), length = palp_norm(pull);
     if (length > most) pull = palp_scale(most / length, pull);
@@ -313,7 +315,6 @@ bool palp_contact_fill(palp_contact *contact) {
 uint32_t palp_contact_points(palp_contact *contact) {
     palp_contact *c = contact;
     for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
-    if (c->count == 0u) c->active_count = 0;
     return c->count;
 }
 

@@ -47,8 +47,10 @@ uint32_t palp_contact_loads(const palp_contact *contact, uint32_t tool, palp_vec
     const palp_contact *c = contact;
     const palp_blob *b = c->surface.blob;
     list l = {b, load, count, capacity};
-    for (uint32_t k = 0; k < c->active_count; k++) {
-        const palp_contact_point *p = &c->point[c->active[k]];
+    const palp_contact_point *point = c->solved ? c->point : c->before;
+    const uint32_t points = c->solved ? c->count : c->count_before;
+    for (uint32_t k = 0; k < points; k++) {
+        const palp_contact_point *p = &point[k];
         if (p->tool != tool || !(p->force_N > 0.0f)) continue;
         palp_vec3 force = palp_scale(p->force_N, p->m);
         force = palp_madd(force, -p->force_N / c->normal_N[tool], friction_N);

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/haptic/coupling.h"
 
-#define LARGEST_MOVE                                                                               \
-    0.05f /* of a free tool towards its device, beyond the device's own, over its size, per tick   \
-           */
-#define LARGEST_STEP 0.1f /* of a tool in contact, from where it was foreseen, over its size */
-#define APART 1.001f      /* of a tool that is put on the surface, over its extent */
+/* Over the tool's size, per tick: how far a free tool moves towards its device, beyond the device's
+ * own motion; and a tool in contact, from where it was foreseen. */
+#define LARGEST_MOVE 0.05f
+#define LARGEST_STEP 0.1f
+#define APART 1.001f /* of a tool that is put on the surface, over its extent */
 
 void palp_coupling_reset(palp_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {

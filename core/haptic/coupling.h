@@ -14,17 +14,17 @@
  * That place serves to lay the contact points, and as the answer of a tick that has no time for
  * more: the body goes on resisting as it did. A tool that leaves the surface is put at the device.
  *
- * A change of the constraint level changes F by a few per cent, in the first answers as it settles.
- * The difference O is kept as a force
- * of its own, which fades with PALP_COUPLING_FADE_S; it is never more than PALP_COUPLING_OFFSET of
- * F, so what it gives or takes is bounded in size and in time.
+ * A change of the contact level changes F by a few per cent, in the first answers as it settles.
+ * The difference O is kept as a force of its own, which fades with PALP_COUPLING_FADE_S. It is
+ * never more than PALP_COUPLING_OFFSET of F, so what it gives or takes is bounded in size and in
+ * time.
  */
 #ifndef PALP_HAPTIC_COUPLING_H
 #define PALP_HAPTIC_COUPLING_H
 
 #include "core/contact/friction.h"
 
-#define PALP_COUPLING_LOOKS 256u
+#define PALP_COUPLING_LOOKS 256u /* nodes a tick, while a tool is placed */
 #define PALP_COUPLING_FADE_S 0.03f
 #define PALP_COUPLING_OFFSET 0.1f
 #define PALP_COUPLING_SETTLING 3u /* answers after a change of level that O makes up for */

@@ -163,10 +163,7 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
             more = c->filling < c->tool_count;
         }
     }
-    if (c->count == 0u) {
-        palp_contact_points(c); /* none */
-        return !bridges(a);
-    }
+    if (c->count == 0u) return !bridges(a);
     if (palp_contact_cost_points(&a->bound, l, c->count) + rows_ns(a) > left_ns(a)) {
         r->shortened = true;
         return false;

@@ -40,9 +40,9 @@ float palp_cost_answer(const palp_touch_cost *cost, uint32_t count, uint32_t act
            (float)pivots * (pivot_among(cost, count, active) + PRICE(cost, QUANTUM));
 }
 
-/* The dearest way that `pivots` steps can go: of each, with n in contact, one is let out, let
- * in, or refused. Longest path by dynamic programming, from the last step to the first. */
-static float dearest_pivots(const palp_touch_cost *c, uint32_t pivots) {
+/* The most expensive way that `pivots` steps can go: of each, with n in contact, one is let out,
+ * let in, or refused. Longest path by dynamic programming, from the last step to the first. */
+static float costliest_pivots(const palp_touch_cost *c, uint32_t pivots) {
     float rest[PALP_MAX_CANDIDATES + 1u] = {0.0f}, most = 0.0f;
     const palp_node_contact_limits l = c->limits;
     for (uint32_t p = 0; p < pivots; p++) {
@@ -74,7 +74,8 @@ static float full_answer(const palp_touch_cost *c) {
                (palp_cost_begin(c, l.max_candidates) + palp_cost_couple(c, l.max_active)) +
            (1.0f + (float)(pivots / PALP_NODE_CONTACT_REFACTOR)) *
                palp_cost_refactor(c, l.max_active) +
-           dearest_pivots(c, pivots - ends) + (float)ends * end + (float)pivots * PRICE(c, QUANTUM);
+           costliest_pivots(c, pivots - ends) + (float)ends * end +
+           (float)pivots * PRICE(c, QUANTUM);
 }
 
 static float servo(const palp_touch_cost *c) { return PRICE(c, SERVO) + FRAMES * PRICE(c, FRAME); }

@@ -5,7 +5,7 @@
  *
  *   k, n        candidates, and those of them in contact, before the step
  *   T, C        tools; C = 3 T axes of their springs
- *   EVALUATION  balls BALL, PAD or CYLINDER, of the dearest tool; on zones + PLACE + modes
+ *   EVALUATION  balls BALL, PAD or CYLINDER, of the most expensive tool; on zones + PLACE + modes
  *               PLACE_MODE, and nearest nodes are sought on every zone
  *   LOOK_UP     PAIR, with friction + PAIR_BLOCK; without a
  *               table 2 EXTRACTION
@@ -23,7 +23,7 @@
 typedef struct {
     palp_prices price;
     palp_node_contact_limits limits;
-    float tools, evaluation; /* how many; the dearest */
+    float tools, evaluation; /* how many; the most expensive */
     float cells, ring,
         children; /* most nodes in 27 cells, neighbours of a node, children of a slot */
     float near[PALP_MAX_LEVELS];  /* most neighbours of a slot of each level */

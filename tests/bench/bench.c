@@ -328,7 +328,7 @@ static void measure_contact(const palp_blob *b) {
     printf("\ncontact ticks while sliding (median)\n");
     for (uint32_t l = PALP_CONTACT_LEVELS; l-- > 0;) {
         double t[400];
-        palp_contact *c = press_open(b, &tool, l);
+        palp_contact *c = press_open(b, &tool, 1, l);
         const palp_domain *d = &b->domain[PALP_FREE];
         palp_surface_point p = press_start(c, d->node[d->level_start[1] / 2]);
         palp_vec3 side = palp_cross(p.n, (palp_vec3){0.3f, 0.5f, 0.8f});

@@ -1,27 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /* Contact on the surface: against Hertz, a dense problem in double, differences of the energy, and
  * under disturbance in virtual time. */
+#include "core/contact/loads.h"
 #include "tests/models.h"
 #include "tests/tap.h"
 #include "tools/parallel.h"
+#include "tools/press.h"
 #include "tools/util.h"
 #include <stdlib.h>
 #include <string.h>
-
-static palp_contact *open_contact(const palp_blob *b, const palp_tool *tool, uint32_t tools) {
-    size_t bytes = palp_contact_memsize(b, tools, PALP_CONTACT_LEVELS - 1u);
-    palp_contact *c = allocate(1, sizeof *c);
-    palp_status status = palp_contact_init(c, b, tool, tools, PALP_CONTACT_LEVELS - 1u,
-                                           allocate_aligned(bytes, 1), bytes);
-    if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
-    c->now = PALP_CONTACT_FINEST;
-    return c;
-}
-
-static void hold(palp_contact *c, palp_vec3 at, int ticks) {
-    const palp_contact_spring held = {.held_m = at};
-    for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &held);
-}
 
 /* A direction in the upper half. */
 static void direction(uint64_t *seed, double d[3]) {
@@ -109,9 +96,9 @@ static void test_hertz(const baked *b) {
             double depth = a * a / rho, force = 0, h = 0;
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + radius - depth);
-            hold(c, at, 8);
+            press_hold(c, at, 8);
             palp_surface_point p = c->point[0].at;
             float row[PALP_MAX_MODES];
             uint32_t crossings = 64;
@@ -128,7 +115,7 @@ static void test_hertz(const baked *b) {
             square += error * error;
             double along = (double)palp_dot(c->force_N[0], times(d, 1));
             aside = fmax(aside, acos(fmin(along / (double)palp_norm(c->force_N[0]), 1)));
-            free(c);
+            press_close(c);
         }
         double mean = sum / places;
         AT_MOST(fabs(100 * mean), mean_goal[s],
@@ -200,13 +187,13 @@ static void test_dense(const baked *b) {
         for (int i = 0; i < 3; i++) {
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + radius * (1 - depth[s]));
             const double center[3] = {(double)at.x, (double)at.y, (double)at.z};
-            hold(c, at, 10);
+            press_hold(c, at, 10);
             worst = fmax(
                 worst, fabs((double)palp_norm(c->force_N[0]) / dense_force(b, center, radius) - 1));
-            free(c);
+            press_close(c);
         }
         AT_MOST(100 * worst, s == 0 ? 12 : 5,
                 "tool of 6 edges, depth %g R: off all nodes in true geometry, in %%", depth[s]);
@@ -225,10 +212,10 @@ static void test_gradient(const baked *b) {
     tool[3].cylinder = (palp_cylinder){
         .axis = {1, 0, 0}, .radius_m = 1.5f * e, .half_m = 2.0f * e, .rim_m = 0.7f * e};
     for (size_t s = 0; s < 4; s++) {
-        palp_contact *c = open_contact(&b->blob, &tool[s], 1);
+        palp_contact *c = press_open(&b->blob, &tool[s], 1, PALP_CONTACT_FINEST);
         float size = palp_tool_size(&tool[s]), step = 0.01f * size;
         palp_vec3 at = {0.05f, -0.02f, 1.0f + 0.85f * (s == 3 ? 1.5f * e : size)}, gradient = {0};
-        hold(c, at, 30);
+        press_hold(c, at, 30);
         palp_vec3 force = c->force_N[0];
         float *axis[3] = {&gradient.x, &gradient.y, &gradient.z};
         for (int k = 0; k < 3; k++) {
@@ -237,14 +224,14 @@ static void test_gradient(const baked *b) {
                 palp_vec3 moved = at;
                 float *x[3] = {&moved.x, &moved.y, &moved.z};
                 *x[k] += side == 0 ? -step : step;
-                hold(c, moved, 30);
+                press_hold(c, moved, 30);
                 energy[side] = c->energy_J;
             }
             *axis[k] = -(energy[1] - energy[0]) / (2 * step);
         }
         double off = (double)(palp_norm(palp_sub(gradient, force)) / palp_norm(force));
         AT_MOST(off, s < 2 ? 2e-3 : 3e-2, "%s: force against differences of the energy", name[s]);
-        free(c);
+        press_close(c);
     }
 }
 
@@ -257,16 +244,16 @@ static void test_levels(const baked *b) {
             double d[3], radius = (1 + i % 4) * e;
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = open_contact(&b->blob, &tool, 1);
+            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + 0.9 * radius);
             c->now = PALP_CONTACT_LEVELS - 1u;
-            hold(c, at, 8);
+            press_hold(c, at, 8);
             palp_vec3 fine = c->force_N[0];
             c->now = l;
-            hold(c, at, 8);
+            press_hold(c, at, 8);
             worst =
                 fmax(worst, (double)(palp_norm(palp_sub(fine, c->force_N[0])) / palp_norm(fine)));
-            free(c);
+            press_close(c);
         }
         AT_MOST(100 * worst, l < 3 ? 6 : 3, "level %u against %u, worst of 12, in %%", l,
                 PALP_CONTACT_LEVELS - 1u);
@@ -277,14 +264,14 @@ static void test_levels(const baked *b) {
 static void test_closed_path(const baked *b) {
     double e = (double)b->blob.meta->mean_edge_m, radius = 2 * e, work = 0, stored = 0;
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = open_contact(&b->blob, &tool, 1);
+    palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_vec3 before_m = {0}, before_N = {0};
     const int ticks = 6000;
     for (int i = 0; i <= 2 * ticks; i++) {
         double q = 2 * acos(-1.0) * i / ticks;
         palp_vec3 at = {(float)(0.5 * radius * cos(q)), (float)(0.5 * radius * sin(q)),
                         (float)(1 + radius * (0.8 + 0.08 * sin(q)))};
-        hold(c, at, 1);
+        press_hold(c, at, 1);
         if (i > ticks) {
             palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
             work += (double)palp_dot(mean, palp_sub(at, before_m));
@@ -295,7 +282,7 @@ static void test_closed_path(const baked *b) {
     }
     AT_MOST(fmax(work, 0) / stored, 1e-4, "closed path: given to the hand over what was stored");
     AT_MOST(fabs(work) / stored, 1e-3, "closed path: net work over what was stored");
-    free(c);
+    press_close(c);
 }
 
 /* ---- the answer in virtual time ---- */
@@ -435,18 +422,52 @@ static void test_friction(const palp_blob *b) {
 static void test_two_tools(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
     palp_tool tool[2] = {palp_tool_sphere(2 * e), palp_tool_sphere(2 * e)};
-    palp_contact *c = open_contact(&b->blob, tool, 2);
+    palp_contact *c = press_open(&b->blob, tool, 2, PALP_CONTACT_FINEST);
     const palp_vec3 at[2] = {{0, 0, 1 + 1.7f * e}, {1 + 1.7f * e, 0, 0.2f}};
     const palp_contact_spring held[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
     for (int i = 0; i < 10; i++) palp_contact_solve(c, at, held);
     float both = c->normal_N[0];
-    palp_contact *one = open_contact(&b->blob, tool, 1);
-    hold(one, at[0], 10);
+    palp_contact *one = press_open(&b->blob, tool, 1, PALP_CONTACT_FINEST);
+    press_hold(one, at[0], 10);
     AT_MOST(fabs((double)(both / one->normal_N[0]) - 1), 0.05,
             "a second tool far away changes little");
     CHECK(c->normal_N[1] > 0.0f, "and presses as well");
-    free(c);
-    free(one);
+    press_close(c);
+    press_close(one);
+}
+
+static palp_vec3 sum_of_loads(const palp_contact *c) {
+    palp_load load[512];
+    palp_vec3 sum = {0};
+    uint32_t loads = palp_contact_loads(c, 0, (palp_vec3){0}, load, 0, 512);
+    for (uint32_t i = 0; i < loads; i++) sum = palp_add(sum, load[i].force_N);
+    return sum;
+}
+
+/* What is displayed balances the force on the tool, also after ticks that were given up. */
+static void test_loads(const baked *b) {
+    float e = b->blob.meta->mean_edge_m;
+    palp_tool tool = palp_tool_sphere(2 * e);
+    palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    const palp_vec3 at = {0, 0, 1 + 1.7f * e};
+    press_hold(c, at, 10);
+    const palp_vec3 pushed = palp_sub(c->force_N[0], c->beyond_N[0]);
+    const double off = (double)(palp_norm(palp_add(sum_of_loads(c), pushed)) / palp_norm(pushed));
+    AT_MOST(off, 1e-5, "loads on nodes balance the force on the tool");
+    double changed = 0;
+    for (uint32_t stop = 0; stop < 3; stop++) {
+        const palp_vec3 next = {0.3f * e, 0, 1 + (1.6f - 0.1f * (float)stop) * e};
+        const palp_contact_spring held = {.held_m = next};
+        palp_contact_begin(c, &next, &held);
+        while (stop > 0 && palp_contact_fill(c)) {}
+        if (stop > 0) palp_contact_points(c);
+        while (stop > 1 && palp_contact_assemble(c)) {}
+        if (stop > 1) (void)palp_contact_iterate(c);
+        double now = (double)(palp_norm(palp_add(sum_of_loads(c), pushed)) / palp_norm(pushed));
+        changed = fmax(changed, now);
+    }
+    AT_MOST(changed, 1e-5, "also after ticks that were given up");
+    press_close(c);
 }
 
 static void test_errors(const baked *b) {
@@ -516,13 +537,13 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
                 double d[3];
                 direction(&seed, d);
                 for (int k = 0; k < 2; k++) {
-                    palp_contact *c = open_contact(&body[k]->blob, &tool, 1);
+                    palp_contact *c = press_open(&body[k]->blob, &tool, 1, PALP_CONTACT_FINEST);
                     palp_surface_point p = {.triangle =
                                                 nearest_triangle(&body[k]->blob, times(d, 1))};
                     uint32_t crossings = 64;
                     (void)palp_surface_shoot(&c->surface, times(d, 2), times(d, -1), &crossings,
                                              &p);
-                    hold(c, palp_madd(p.y, (float)(radius - depth), times(d, 1)), 10);
+                    press_hold(c, palp_madd(p.y, (float)(radius - depth), times(d, 1)), 10);
                     force[k] = c->force_N[0];
                 }
                 double a = (double)palp_norm(force[0]), b = (double)palp_norm(force[1]);
@@ -546,7 +567,7 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
 static void test_deep(const baked *b) {
     const float radius = 1.2f * b->blob.meta->mean_edge_m, stiffness = 2000;
     const palp_tool tool = palp_tool_sphere(radius);
-    palp_contact *c = open_contact(&b->blob, &tool, 1);
+    palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_coupling k = {.settling = 0};
     const int ticks = 1200;
     double jump = 0, largest = 0, work = 0, stored = 0;
@@ -595,6 +616,7 @@ int main(void) {
     test_answer(&ball.blob);
     test_friction(&ball.blob);
     test_two_tools(&ball);
+    test_loads(&ball);
     test_errors(&small);
     return tap_done();
 }
