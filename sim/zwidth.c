@@ -21,9 +21,9 @@
 static const char help[] =
     "usage: palp zwidth BLOB --device NAME|FILE [-o DIR]\n"
     "\n"
-    "Presses the simulated device on a stiff body (bake one with --young 1e9) at 250 Hz to 4 kHz,\n"
-    "with estimates fresh and a period old, with three dampings of the mechanism, and looks for "
-    "the\n"
+    "Presses the simulated device on a stiff body with a wide flat face (bake one with --young\n"
+    "1e9; on a curved one the tool swings aside) at 250 Hz to 4 kHz, with estimates fresh and a\n"
+    "period old, with three dampings of the mechanism, and looks for the\n"
     "largest stable stiffness without the passivity controller. Then tries stiffnesses up to 30\n"
     "times as large with it, as far as the servo takes them: exit 1 if any goes unstable. DIR\n"
     "(default: zwidth) gets zwidth.csv and zwidth.svg.\n";

@@ -37,10 +37,10 @@ small_body() {
     $palp bake "$work/rabbit.obj" --as-is -o "$1" --young "${2:-3e4}" --poisson 0.45 --fix-below z 0.004 >/dev/null 2>&1
 }
 
-# bar N PATH: three cubes of 20 mm in a row, N squares along an edge
-bar() {
-    awk -v n="$1" 'BEGIN {
-        h = 0.02 / n; L[0] = 3 * n; L[1] = n; L[2] = n
+# block NX NY NZ SIDE PATH: a block of so many squares of that side (metres) along its edges
+block() {
+    awk -v nx="$1" -v ny="$2" -v nz="$3" -v h="$4" 'BEGIN {
+        L[0] = nx; L[1] = ny; L[2] = nz
         for (a = 0; a < 3; a++) for (side = 0; side < 2; side++) {
             b = (a + 1) % 3; c = (a + 2) % 3
             for (i = 0; i < L[b]; i++) for (j = 0; j < L[c]; j++) {
@@ -53,8 +53,12 @@ bar() {
                 faces = faces "f " q[0] " " q[1] " " q[2] "\nf " q[0] " " q[2] " " q[3] "\n"
             }
         }
-        printf "%s", faces }' > "$2"
+        printf "%s", faces }' > "$5"
 }
+
+# bar N PATH: three cubes of 20 mm in a row, N squares along an edge
+bar() { block $((3 * $1)) "$1" "$1" "$(awk -v n="$1" 'BEGIN { print 0.02 / n }')" "$2"; }
+
 # small_chain OUT.palp: three cubes on two joints, 294 nodes
 small_chain() {
     bar 4 "$work/bar.obj"
