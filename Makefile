@@ -10,7 +10,9 @@ AR := $(CROSS)ar
 
 WARN := -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloat-equal \
         -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla -Werror
-SHARED := -std=c11 -O3 -ffp-contract=off -fno-math-errno -I. $(WARN)
+OPTIMISE ?= -O3
+INSTRUMENT ?= # flags of sanitizers, for compiler and linker
+SHARED := -std=c11 $(OPTIMISE) $(INSTRUMENT) -ffp-contract=off -fno-math-errno -I. $(WARN)
 CORE_FLAGS := $(SHARED) -fno-trapping-math -ffreestanding
 HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
@@ -60,23 +62,23 @@ $(BUILD)/port/linux/telemetry_dds.o: HOST_FLAGS += -I$(BUILD)/dds $(shell pkg-co
 
 $(BUILD)/palp: $(BUILD)/tools/main.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 $(BUILD)/palpd: $(BUILD)/port/linux/palpd.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 $(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(HOST_OBJ) $(LIB)
 	@echo '  LD $@'
-	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 
 # For ramdisks: no libraries, no telemetry.
 STATIC_OBJ = $(filter-out $(BUILD)/port/linux/telemetry_%.o $(BUILD)/dds/%,$(HOST_OBJ)) $(BUILD)/port/linux/telemetry_none.o
 static: $(BUILD)/static/palpd $(BUILD)/static/palp-sim ## palpd and palp-sim linked statically, for ramdisks
 $(BUILD)/static/palpd: $(BUILD)/port/linux/palpd.o $(STATIC_OBJ) $(LIB)
 	@mkdir -p $(@D)
-	@$(CC) -static -pthread $^ -lm -o $@
+	@$(CC) $(INSTRUMENT) -static -pthread $^ -lm -o $@
 $(BUILD)/static/palp-sim: $(BUILD)/sim/palp_sim.o $(STATIC_OBJ) $(LIB)
 	@mkdir -p $(@D)
-	@$(CC) -static -pthread $^ -lm -o $@
+	@$(CC) $(INSTRUMENT) -static -pthread $^ -lm -o $@
 
 -include $(shell find $(BUILD) -path $(BUILD)/vm -prune -o -type f -name '*.d' -print 2>/dev/null)
 
@@ -109,16 +111,16 @@ UNIT := $(sort $(wildcard tests/unit/*.c))
 UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
 $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@mkdir -p $(@D)
-	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 
 CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet feel) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) COUNTS=$(BUILD)/test.counts sh tests/run.sh $(UNIT_BIN) $(CLI)
 
 $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
-	@$(CC) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
 $(BUILD)/elements: $(BUILD)/tests/bench/elements.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
-	@$(CC) -pthread $^ $(DDS_LIBS) -lm -o $@
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json

@@ -144,6 +144,7 @@ int main(int argc, char **argv) {
     fault_list f = s.fault != NULL ? faults_read(s.fault, s.seed) : (fault_list){.seed = s.seed};
     check_faults(&f);
     wire w = {.port = can_open(s.bus, file.device.drives.fd, NULL, 0)};
+    if (!can_listen(&w.port)) die(EXIT_WORK, "--bus: '%s' has gone", s.bus);
     sim_bus *b = allocate(1, sizeof *b);
     sim_bus_init(b, &file, script, f);
     uint64_t lost = 0;

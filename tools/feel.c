@@ -5,7 +5,9 @@
 #include "args.h"
 #include "commands.h"
 #include "core/servo/answer.h"
+#include "nodal.h"
 #include "parallel.h"
+#include "places.h"
 #include "press.h"
 #include "util.h"
 #include <inttypes.h>
@@ -360,6 +362,94 @@ static void levels(bench *b) {
     }
 }
 
+/* Largest change of the force in a tick over the largest ordinary one: the median of the ticks
+ * about it. 1 where the force is smooth. */
+static double largest_jump(const palp_vec3 *f, int count) {
+    enum { BESIDE = 8 };
+    double *step = allocate((size_t)count, sizeof *step), ordinary = 0, most = 0;
+    for (int k = 1; k < count; k++) step[k] = (double)palp_norm(palp_sub(f[k], f[k - 1]));
+    for (int k = 1 + BESIDE; k + BESIDE < count; k++) {
+        double about[2 * BESIDE + 1];
+        memcpy(about, step + k - BESIDE, sizeof about);
+        qsort(about, 2 * BESIDE + 1, sizeof *about, ascending);
+        ordinary = fmax(ordinary, about[BESIDE]);
+        most = fmax(most, step[k]);
+    }
+    free(step);
+    return most / ordinary;
+}
+
+/* Presses and slides where contact is hard; the press against all nodes in double. */
+#define HARD_PLACES 4u
+#define HARD_EDGES 6.0 /* of the tool: fine enough for the nodes to be right */
+#define HARD_DEPTH 0.2 /* over the radius */
+#define HARD_TICKS 200 /* of the press, and of the slide */
+
+typedef struct {
+    double off, turned_deg, jump;
+    bool compared;
+} hard_press;
+
+static hard_press press_hard_place(const bench *b, const place *at, double radius) {
+    const palp_tool tool = palp_tool_sphere((float)radius);
+    palp_contact *c = press_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_vec3 side = palp_cross(at->push, (palp_vec3){0.3f, 0.5f, 0.8f});
+    side = palp_scale(1.0f / palp_norm(side), side);
+    palp_vec3 f[2 * HARD_TICKS], held = {0};
+    for (int k = 0; k < 2 * HARD_TICKS; k++) {
+        double down = fmin((k + 1.0) / HARD_TICKS, 1) * HARD_DEPTH * radius;
+        double aside = fmax((k + 1.0) / HARD_TICKS - 1, 0) * HARD_DEPTH * radius;
+        palp_vec3 where = palp_madd(at->at_m, (float)down, at->push);
+        press_hold(c, palp_madd(where, (float)aside, side), 1);
+        f[k] = c->force_N[0];
+        if (k + 1 == HARD_TICKS) held = where;
+    }
+    press_close(c);
+    const double center[3] = {(double)held.x, (double)held.y, (double)held.z};
+    const nodal_press truth = nodal_hold(b->blob, center, radius);
+    const palp_vec3 felt = f[HARD_TICKS - 1];
+    const palp_vec3 right = {(float)truth.force_N[0], (float)truth.force_N[1],
+                             (float)truth.force_N[2]};
+    const double size = (double)palp_norm(right), along = (double)palp_dot(felt, right);
+    hard_press p = {.compared = truth.settled && size > 0, .jump = largest_jump(f, 2 * HARD_TICKS)};
+    p.off = fabs((double)palp_norm(felt) / size - 1);
+    p.turned_deg =
+        acos(fmax(fmin(along / (size * (double)palp_norm(felt)), 1), -1)) * 180 / acos(-1.0);
+    return p;
+}
+
+static void hard_places(bench *b) {
+    static const char *const name[PLACE_KINDS] = {"tips", "valleys", "two regions"};
+    const double radius = HARD_EDGES * b->edge_m;
+    for (place_kind kind = PLACE_TIP; kind < PLACE_KINDS; kind++) {
+        place at[HARD_PLACES];
+        uint32_t found = places_find(b->blob, kind, radius, HARD_DEPTH * radius, at, HARD_PLACES);
+        double mean = 0, worst = 0, turned = 0, jump = 0;
+        uint32_t used = 0;
+        for (uint32_t i = 0; i < found; i++) {
+            hard_press p = press_hard_place(b, &at[i], radius);
+            jump = fmax(jump, p.jump);
+            if (!p.compared) continue;
+            used++;
+            mean += p.off;
+            worst = fmax(worst, p.off);
+            turned = fmax(turned, p.turned_deg);
+        }
+        if (found == 0) continue;
+        char of[72];
+        snprintf(of, sizeof of, "%s, tool %g edges, depth %g R, %u places", name[kind], HARD_EDGES,
+                 HARD_DEPTH, used);
+        if (used > 0) {
+            feel_add(&b->table, "against all nodes, mean", of, 100 * mean / used, "%",
+                     FORCE_THRESHOLD, 7);
+            feel_add(&b->table, "against all nodes, worst", of, 100 * worst, "%", FORCE_THRESHOLD,
+                     NAN);
+            feel_add(&b->table, "direction, worst", of, turned, "deg", NAN, NAN);
+        }
+        feel_add(&b->table, "largest step", of, jump, "times", NAN, 1.5);
+    }
+}
+
 /* ---- a hand in virtual time ---- */
 
 /* A script: approach, press, hold, slide, hold, leave; device places at 1 kHz. */
@@ -587,41 +677,46 @@ static void teleport(bench *b, double radius, double depth, double stiffness) {
              FORCE_THRESHOLD, 2);
 }
 
-/* Net work over a closed path of a rigid tool, over what is stored on it. */
-static void closed_paths(bench *b) {
+/* Net work over a closed path of a rigid tool about a place, over what is stored on it. */
+static double closed_path(const bench *b, uint32_t node, uint32_t level) {
     static const int ticks = 4000;
-    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++) {
-        double worst = 0;
-        for (uint32_t i = 0; i < 3 && i < b->places; i++) {
-            double radius = 2 * b->edge_m, depth = 0.15 * radius, work = 0, stored = 0;
-            palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(b->blob, &tool, 1, l);
-            palp_surface_point p = press_start(c, b->place[i]);
-            palp_vec3 t = {0.3f, 0.5f, 0.8f}, before_m = {0}, before_N = {0};
-            t = palp_madd(t, -palp_dot(t, p.n), p.n);
-            t = palp_scale(1.0f / palp_norm(t), t);
-            palp_vec3 t2 = palp_cross(p.n, t);
-            for (int k = 0; k <= 2 * ticks; k++) {
-                double q = 2 * acos(-1.0) * k / ticks;
-                palp_vec3 at =
-                    palp_madd(p.y, (float)(radius - depth * (1 + 0.5 * sin(2 * q))), p.n);
-                at = palp_madd(at, (float)(0.3 * radius * cos(q)), t);
-                at = palp_madd(at, (float)(0.3 * radius * sin(q)), t2);
-                press_hold(c, at, 1);
-                if (k > ticks) {
-                    palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
-                    work += (double)palp_dot(mean, palp_sub(at, before_m));
-                    stored = fmax(stored, (double)c->energy_J);
-                }
-                before_m = at;
-                before_N = c->force_N[0];
-            }
-            worst = fmax(worst, work / stored); /* what the hand is given */
-            press_close(c);
+    double radius = 2 * b->edge_m, depth = 0.15 * radius, work = 0, stored = 0;
+    palp_tool tool = palp_tool_sphere((float)radius);
+    palp_contact *c = press_open(b->blob, &tool, 1, level);
+    palp_surface_point p = press_start(c, node);
+    palp_vec3 t = {0.3f, 0.5f, 0.8f}, before_m = {0}, before_N = {0};
+    t = palp_madd(t, -palp_dot(t, p.n), p.n);
+    t = palp_scale(1.0f / palp_norm(t), t);
+    palp_vec3 t2 = palp_cross(p.n, t);
+    for (int k = 0; k <= 2 * ticks; k++) {
+        double q = 2 * acos(-1.0) * k / ticks;
+        palp_vec3 at = palp_madd(p.y, (float)(radius - depth * (1 + 0.5 * sin(2 * q))), p.n);
+        at = palp_madd(at, (float)(0.3 * radius * cos(q)), t);
+        at = palp_madd(at, (float)(0.3 * radius * sin(q)), t2);
+        press_hold(c, at, 1);
+        if (k > ticks) {
+            palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
+            work += (double)palp_dot(mean, palp_sub(at, before_m));
+            stored = fmax(stored, (double)c->energy_J);
         }
+        before_m = at;
+        before_N = c->force_N[0];
+    }
+    press_close(c);
+    return work / stored;
+}
+
+/* Both signs: what is lost one way round is given the other. */
+static void closed_paths(bench *b) {
+    const uint32_t paths = b->places < 10 ? b->places : 10;
+    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++) {
+        double given[10];
+        for (uint32_t i = 0; i < paths; i++) given[i] = fabs(closed_path(b, b->place[i], l));
+        qsort(given, paths, sizeof *given, ascending);
         char of[72];
-        snprintf(of, sizeof of, "level %u, given to the hand over stored", l);
-        feel_add(&b->table, "closed path", of, worst, "1", NAN, 1e-4);
+        snprintf(of, sizeof of, "level %u, work over stored, %u paths", l, paths);
+        feel_add(&b->table, "closed path, median", of, given[paths / 2], "1", NAN, 1e-4);
+        feel_add(&b->table, "closed path, worst", of, given[paths - 1], "1", NAN, 1e-4);
     }
 }
 
@@ -671,6 +766,7 @@ int command_feel(int argc, char **argv) {
     against_hertz(&b);
     ripple(&b);
     levels(&b);
+    hard_places(&b);
     closed_paths(&b);
     touch_and_release(&b, radius, depth, stiffness);
     disturb(&b, "stall of 3 ms in the tick", 3000000, 3, radius, depth, stiffness);

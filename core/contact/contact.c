@@ -6,7 +6,8 @@
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
 #define MOST_SHARE 2.0f
-#define SLOWLY 4.0f /* a step of the force beyond counts so many times against a cell */
+#define STEADY 30.0f /* ticks that a force beyond at its limit takes to come through */
+#define SLOWLY 4.0f  /* a step of the force beyond counts so many times against a cell */
 /* How far a tool whose contact was missed is put forward, over its size: first, and then. */
 #define NEAR 0.02f
 #define FAR 0.1f
@@ -101,6 +102,7 @@ void palp_contact_clear(palp_contact *contact) {
         c->normal_N[t] = 0.0f;
         c->given[t] = (palp_given){.mean_m = {0}};
     }
+    for (uint32_t m = 0; m < PALP_LATTICE_FAR_MODES; m++) c->far_load[m] = 0.0f;
     c->count = c->count_before = c->active_count = 0;
     c->energy_J = 0.0f;
     c->solved = false;
@@ -226,7 +228,7 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     swap_ticks(c);
     forget_nodes(c);
     bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
-    c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.01f * c->crowd, 1.0f);
+    c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.002f * c->crowd, 1.0f);
     c->flags = c->row = c->iterations = c->most_active = c->active_count = 0;
     c->filled = (palp_lattice_counts){.fillings = 0};
     c->filling = c->fillings = c->first = 0;
@@ -275,6 +277,11 @@ static palp_given given_for(const palp_contact *c, uint32_t t) {
     return g;
 }
 
+static uint32_t far_modes(const palp_contact *c) {
+    const uint32_t modes = c->surface.blob->regular.modes;
+    return modes < PALP_LATTICE_FAR_MODES ? modes : PALP_LATTICE_FAR_MODES;
+}
+
 bool palp_contact_fill(palp_contact *contact) {
     palp_contact *c = contact;
     const uint32_t t = c->filling;
@@ -285,6 +292,9 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .tool_m = c->tool_m[t],
                                     .cells = (float)c->level.cells * c->crowd,
                                     .given = given_for(c, t),
+                                    .load = c->far_load,
+                                    .far_modes = far_modes(c),
+                                    .share = c->given_share,
                                     .point = c->point,
                                     .count = &c->count,
                                     .most = c->level.points,
@@ -297,7 +307,8 @@ bool palp_contact_fill(palp_contact *contact) {
     c->filled = sum_of(c->filled, c->done);
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
                     60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
-                    45u * (uint64_t)c->done.crossings;
+                    45u * (uint64_t)c->done.crossings +
+                    3u * PALP_LATTICE_WATCHED * PALP_LATTICE_FAR_MODES;
     const bool missed = c->count == c->first && c->normal_N[t] > 0.0f;
     bool again =
         ((flags & PALP_LATTICE_MOVED) != 0u || missed) && ++c->fillings < PALP_LATTICE_FILLINGS;
@@ -412,22 +423,32 @@ static palp_given given_to(const palp_contact *c, uint32_t t) {
         palp_vec3 h = {0};
         for (uint32_t k = 0; k < 3u; k++)
             h = palp_madd(h, p->at.weight[k], c->node_u_m[c->corner[i][k]]);
-        palp_given_add(&sums, p->force_N, palp_sub(p->at.y, c->tool_m[t]), h);
+        palp_given_add(&sums, p->force_N, palp_sub(p->at.y, c->tool_m[t]), h, p->cell_m);
     }
     return palp_given_fit(&sums, c->tool_m[t]);
 }
 
 /*
- * How much of what the exact force has beyond - sum lambda m is believed at once. It enters the
- * next tick's solution as it is now, and moves a tool on a soft spring; within a cell of the
- * lattice it may turn round. Where it could move the tool by a cell, it is followed slowly.
+ * How much of what the exact force has beyond - sum lambda m is believed at once. Near its limit
+ * most_N it says more of the points than of the body, and may jump from tick to tick as the lattice
+ * swings between two regions: there it is followed slowly. It also enters the next tick's solution
+ * as it is now, and moves a tool on a soft spring; within a cell of the lattice it may turn round,
+ * so where it could move the tool by a cell it is followed slowly as well.
  */
 static float response(const palp_contact *c, uint32_t t, float most_N) {
+    const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f);
+    const float steady = 1.0f / (1.0f + STEADY * near * near);
     const float k = c->spring[t].stiffness_N_per_m;
     float cell = c->lattice[t].used.spacing;
     if (palp_lattice_is_central(&c->tools[t])) cell *= palp_tool_size(&c->tools[t]);
-    if (!(k > 0.0f)) return 1.0f;
-    return k * cell / (k * cell + SLOWLY * most_N);
+    if (!(k > 0.0f)) return steady;
+    return steady * k * cell / (k * cell + SLOWLY * most_N);
+}
+
+/* v, or the vector along it of length `most` where it is longer. */
+static palp_vec3 at_most(palp_vec3 v, float most) {
+    const float length = palp_norm(v);
+    return length > most ? palp_scale(most / length, v) : v;
 }
 
 static palp_vec3 blend(palp_vec3 from, palp_vec3 to, float share) {
@@ -452,6 +473,8 @@ void palp_contact_finish(palp_contact *contact) {
     }
     c->solved = true;
     palp_contact_gather(c);
+    for (uint32_t m = 0; m < far_modes(c); m++)
+        c->far_load[m] = m < c->level.modes ? c->load[m] : 0.0f;
     for (uint32_t k = 0; k < c->nodes; k++)
         c->node_u_m[k] = palp_surface_corner(&c->surface, c->node[k], c->level.modes, c->load);
     c->work_done += 3u * (uint64_t)c->nodes * c->level.modes;
@@ -465,10 +488,11 @@ void palp_contact_finish(palp_contact *contact) {
     palp_contact_exact(c, c->beyond_N);
     for (uint32_t t = 0; t < c->tool_count; t++) {
         const palp_contact_spring *s = &c->spring[t];
-        float beyond = palp_norm(c->beyond_N[t]), most = PALP_CONTACT_BEYOND * palp_norm(push[t]);
-        if (beyond > most) c->beyond_N[t] = palp_scale(most / beyond, c->beyond_N[t]);
+        const float most = PALP_CONTACT_BEYOND * palp_norm(push[t]);
+        const palp_vec3 before = at_most(before_N[t], most);
+        c->beyond_N[t] = at_most(c->beyond_N[t], most);
         if (c->normal_N[t] > 0.0f)
-            c->beyond_N[t] = blend(before_N[t], c->beyond_N[t], response(c, t, most));
+            c->beyond_N[t] = blend(before, c->beyond_N[t], response(c, t, most));
         c->force_N[t] = palp_add(push[t], c->beyond_N[t]);
         c->rest_m[t] = s->held_m;
         if (s->stiffness_N_per_m > 0.0f)

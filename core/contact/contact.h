@@ -109,14 +109,15 @@ typedef struct {
     uint16_t *node_slot; /* [PALP_CONTACT_NODE_SLOTS] where they are in the list; 0: nowhere */
     uint16_t (*corner)[3]; /* [room] of each point, in the list */
     uint32_t nodes;
-    float *column[11];                /* [room] the points side by side (contact_internal.h) */
-    float *pressed[11];               /* [room, rounded up] those in contact, with their forces */
-    float *mode;                      /* [modes][room] what unit forces along m give the modes */
-    float *load;                      /* [modes] */
-    float *g;                         /* [room][room] */
-    float *factor;                    /* [room][room] */
-    float *target, *lambda, *scratch; /* [room] */
-    uint32_t *active;                 /* [room] points in contact */
+    float *column[11];  /* [room] the points side by side (contact_internal.h) */
+    float *pressed[11]; /* [room, rounded up] those in contact, with their forces */
+    float *mode;        /* [modes][room] what unit forces along m give the modes */
+    float *load;        /* [modes] */
+    float far_load[PALP_LATTICE_FAR_MODES]; /* of the first modes, in the last tick */
+    float *g;                               /* [room][room] */
+    float *factor;                          /* [room][room] */
+    float *target, *lambda, *scratch;       /* [room] */
+    uint32_t *active;                       /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
     uint32_t most_active;              /* points in contact at a time, during the iterations */
     uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */

@@ -58,7 +58,9 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
     return (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
            (float)done.evaluations * cost->evaluation + (float)done.shots * PRICE(cost, SHOT) +
-           (float)done.crossings * PRICE(cost, CROSSING);
+           (float)done.crossings * PRICE(cost, CROSSING) +
+           (float)done.fillings * PALP_LATTICE_WATCHED *
+               (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE));
 }
 
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
@@ -66,8 +68,9 @@ palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
     const uint32_t looks = PALP_LATTICE_LOOKS(level.points), nodes = (uint32_t)cost->nodes;
     return (palp_lattice_counts){
         .fillings = 2u,
-        .around = 2u * (nodes + (uint32_t)cost->rows),
-        .evaluations = 2u * nodes + looks +
+        .around = 2u * (nodes + (uint32_t)cost->rows) +
+                  2u * PALP_LATTICE_FEET(level.points) * (uint32_t)cost->ring,
+        .evaluations = 2u * nodes + looks + level.contacts +
                        2u * PALP_LATTICE_RINGS(level.points) * (uint32_t)cost->ring +
                        12u * PALP_LATTICE_FEET(level.points) + 1u,
         .shots = looks + 8u * PALP_LATTICE_FEET(level.points),

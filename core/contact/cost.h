@@ -25,11 +25,12 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
                                        uint32_t tool_count, const palp_prices *price);
 
 /* What a filling did: fillings FILLING + around AROUND + evaluations EVALUATION + shots SHOT +
- * crossings CROSSING. */
+ * crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
-/* The most that palp_contact_fill does: 2 fillings; around: 2 N and the rows of cells; evaluations:
- * 2 N + looks + 2 rings max_ring + 12 feet + 1; shots: looks + 8 feet; 2 crossings. */
+/* The most that palp_contact_fill does: 2 fillings; around: 2 N, the rows of cells and 2 feet
+ * max_ring; evaluations: 2 N + looks + contacts + 2 rings max_ring + 12 feet + 1; shots: looks + 8
+ * feet; 2 crossings. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);

@@ -4,8 +4,9 @@
 
 #define RIDGE 0.02f /* of the places' spread, added in every direction */
 #define STEEPEST 0.7f
+#define REACH 3.0f /* over the mean distance of the places, and a cell */
 
-palp_vec3 palp_given_turned(const palp_given *given, palp_vec3 d) {
+static palp_vec3 turned(const palp_given *given, palp_vec3 d) {
     const float *m = given->slope;
     return (palp_vec3){m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
                        m[6] * d.x + m[7] * d.y + m[8] * d.z};
@@ -17,8 +18,11 @@ palp_vec3 palp_given_turned_back(const palp_given *given, palp_vec3 d) {
                        m[2] * d.x + m[5] * d.y + m[8] * d.z};
 }
 
-palp_vec3 palp_given_beside(const palp_given *given, palp_vec3 y) {
-    return palp_given_turned(given, palp_sub(y, given->at_m));
+palp_vec3 palp_given_beside(const palp_given *given, palp_vec3 y, float *gone) {
+    const palp_vec3 d = palp_sub(y, given->at_m);
+    const float beyond = (palp_dot(d, d) * given->fade - 1.0f) * (1.0f / 3.0f); /* 1 at 2 reach */
+    *gone = palp_clamp(beyond, 0.0f, 1.0f);
+    return palp_madd(palp_scale(1.0f - *gone, turned(given, d)), -*gone, given->mean_m);
 }
 
 palp_given palp_given_times(const palp_given *given, float factor) {
@@ -34,8 +38,9 @@ static void add_outer(float m[9], float w, palp_vec3 a, palp_vec3 b) {
     for (uint32_t k = 0; k < 9u; k++) m[k] += p[k / 3u] * q[k % 3u];
 }
 
-void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h) {
+void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h, float cell_m) {
     sums->weight += weight;
+    sums->cell += weight * cell_m;
     sums->y = palp_madd(sums->y, weight, y);
     sums->h = palp_madd(sums->h, weight, h);
     add_outer(sums->yy, weight, y, y);
@@ -56,7 +61,10 @@ palp_given palp_given_fit(const palp_given_sums *sums, palp_vec3 origin_m) {
     }
     add_outer(spread, -1.0f, y, y);
     add_outer(with, -1.0f, g.mean_m, y);
-    float ridge = RIDGE * (spread[0] + spread[4] + spread[8]);
+    const float across = palp_max(spread[0] + spread[4] + spread[8], 0.0f);
+    const float reach = REACH * (palp_sqrt(across) + share * sums->cell);
+    g.fade = reach > 0.0f ? 1.0f / (reach * reach) : 0.0f;
+    float ridge = RIDGE * across;
     if (!(ridge > 0.0f)) return g;
     for (uint32_t n = 0; n < 3u; n++) {
         float row[3];

@@ -7,8 +7,9 @@
  *
  * A thin part that bends moves by many times the depth that a tool sinks in, and turns. Contact
  * points are laid where the tool overlaps the surface moved by h of the last tick, so they cover
- * the contact however far the body has bent. This only says where points are wanted, not what they
- * feel.
+ * the contact however far the body has bent. Beyond the reach of the contact, where a tool may lie
+ * against another part of the body, h fades, and is nothing from twice the reach on. This only says
+ * where points are wanted, not what they feel.
  */
 #ifndef PALP_CONTACT_GIVEN_H
 #define PALP_CONTACT_GIVEN_H
@@ -18,12 +19,12 @@
 typedef struct {
     palp_vec3 at_m, mean_m;
     float slope[9]; /* row-major */
+    float fade;     /* 1 / reach^2; 0: the field goes on for ever */
 } palp_given;
 
-/* slope (y - at) */
-palp_vec3 palp_given_beside(const palp_given *given, palp_vec3 y);
-/* slope d, and its transpose */
-palp_vec3 palp_given_turned(const palp_given *given, palp_vec3 d);
+/* h(y) - mean; *gone, 0 to 1: how far y is beyond the reach, so that h has faded. */
+palp_vec3 palp_given_beside(const palp_given *given, palp_vec3 y, float *gone);
+/* slope^T d */
 palp_vec3 palp_given_turned_back(const palp_given *given, palp_vec3 d);
 
 /* The field times a factor. */
@@ -31,15 +32,16 @@ palp_given palp_given_times(const palp_given *given, float factor);
 
 /* Sums for the weighted least squares of places y and their displacements h. */
 typedef struct {
-    float weight;
+    float weight, cell;
     palp_vec3 y, h;
     float yy[9], hy[9];
 } palp_given_sums;
 
-/* Takes one place in, y and h counted from near the others (for digits). Cost: 30. */
-void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h);
+/* Takes one place in, y and h counted from near the others (for digits), and the size of the cell
+ * that it stands for. Cost: 32. */
+void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h, float cell_m);
 /* The field, for places counted from `origin_m`. Slopes that few or straight places leave open are
- * held small. Cost: 150. */
+ * held small. Its reach is three times what the places are apart. Cost: 160. */
 palp_given palp_given_fit(const palp_given_sums *sums, palp_vec3 origin_m);
 
 #endif

@@ -8,6 +8,14 @@
  * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, how far behind)
  * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
  *
+ * All this is seen from the surface as the body as a whole has given way, by h (given.h), which
+ * follows the tool, so only (1 - dh/dc) of the tool's way counts. With the force F along n on a
+ * contact d deep
+ *
+ *     dh/dc = h n^T / (h . n + 2 d / 3)
+ *
+ * as for Hertz' F ~ d^(3/2) in line with a spring that gives way by h . n under F.
+ *
  * Both are sums over points of how each moves in 3 + PARAMETERS directions: its shot (origin,
  * direction), then the facet, the smooth surface, the cell and the overlap.
  */
@@ -130,7 +138,8 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     const palp_given *given = &l->used.given;
     palp_vec3 at = palp_sub(c->tool_m[p->tool], given->mean_m);
-    palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y));
+    float gone; /* what watched nodes are moved by is left out: it hardly turns the normal */
+    palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y, &gone));
     z.out = palp_tool_gap(&c->tools[p->tool], at, y).normal;
     z.out_at = palp_add(z.out, palp_given_turned_back(given, z.out));
     return z;
@@ -148,7 +157,7 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
     float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
     d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
     if (central) d.cell += p->cell_m * length / p->shot_m;
-    d.overlap = palp_dot(z->out, tool) - palp_dot(z->out_at, d.y);
+    d.overlap = p->overlap_m > 0.0f ? palp_dot(z->out, tool) - palp_dot(z->out_at, d.y) : 0.0f;
     return d;
 }
 
@@ -329,6 +338,25 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     }
 }
 
+/* (1 - dh/dc)^T v. d is from the energy, F (h . n / 2 + 2 d / 5). */
+static palp_vec3 seen_from_given(const palp_contact *c, uint32_t t, palp_vec3 v) {
+    palp_vec3 push = {0};
+    float energy = 0.0f;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_contact_point *p = &c->point[c->active[a]];
+        if (p->tool != t) continue;
+        push = palp_madd(push, p->force_N, p->m);
+        energy += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
+    }
+    const float force = palp_norm(push);
+    if (!(force > 0.0f)) return v;
+    const palp_vec3 n = palp_scale(1.0f / force, push), h = c->lattice[t].used.given.mean_m;
+    const float along = palp_max(palp_dot(h, n), 0.0f);
+    const float local = palp_max(energy / force - 0.5f * along, 0.0f);
+    const float room = along + 5.0f / 3.0f * local;
+    return room > 0.0f ? palp_madd(v, -palp_dot(h, v) / room, n) : v;
+}
+
 void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_TOOLS]) {
     palp_contact *c = contact;
     for (uint32_t t = 0; t < c->tool_count; t++) {
@@ -340,7 +368,8 @@ void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_T
             any = any || (i < c->count && c->point[i].force_N > 0.0f);
         }
         if (!any) continue;
-        beyond_N[t] = palp_add((palp_vec3){f.q[0], f.q[1], f.q[2]}, follow_force(c, t, &f));
+        const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};
+        beyond_N[t] = seen_from_given(c, t, palp_add(moved, follow_force(c, t, &f)));
     }
     c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

@@ -1,15 +1,24 @@
 /* SPDX-License-Identifier: MIT */
 #include "lattice.h"
 
-#define SHALLOW 0.4f /* overlap over the size, from which a sphere's shots come from behind it */
-#define DAMPED 0.4f
-#define COVERS 0.4f /* share of a pad's face from which a lattice begins to keep to its middle */
-#define COVERED 0.8f
-#define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
-#define MARGIN 0.6f  /* edges beyond the tool within which nodes lead to regions */
-#define FACING 0.15f /* cosine between shot and surface below which no point is taken */
-#define FADE 0.15f   /* above FACING, in which cells grow to their full size */
-#define FEET 4u      /* steps towards the nearest point of the surface */
+#define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
+#define DAMPED 0.4f    /* share of a change that turns back on the last one */
+#define LARGE 0.1f     /* of the largest region, from which a region counts as much */
+#define APART 0.6f     /* lengths of the mean direction between which an axis follows slower */
+#define GATHERED 0.8f  /* and as it is */
+#define SLOWEST 0.03f  /* share of a change that it takes up in a filling at least */
+#define SLOWER 0.3f    /* the same of the spacing, over several regions */
+#define COVERS 0.4f    /* share of a pad's face from which a lattice begins to keep to its middle */
+#define COVERED 0.8f   /* and keeps to it */
+#define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
+#define MARGIN 0.6f    /* edges beyond the tool within which nodes lead to regions */
+#define ELSEWHERE 1.2f /* most that the body moves elsewhere, over what it moves at the contact */
+#define UNSURE 0.05f   /* of what it moves at the contact: how far off that may be */
+#define KEPT 0.25f     /* gap over the size up to which points stay that carried force */
+#define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
+#define FADE 0.15f     /* above FACING, in which cells grow to their full size */
+#define FEET 4u        /* steps towards the nearest point of the surface */
+#define WANTED 0xfffeu /* in the table: a place not looked at yet whose point is to be kept */
 #define PLACE_MOST 16000  /* largest place in a lattice */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
 
@@ -26,7 +35,7 @@ void palp_lattice_clear(palp_lattice_table *table) {
 }
 
 /* Slot of a place: where it is, or where it would go. The table never fills up: places that are
- * looked at are fewer than half of it. */
+ * looked at or wanted are fewer than half of it. */
 static uint32_t slot_of(const palp_lattice_table *t, uint32_t key) {
     uint32_t slot = (key * 2654435761u) >> 22u;
     for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) {
@@ -43,7 +52,8 @@ static uint32_t key_of(int32_t i, int32_t j) {
 
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j) {
     uint32_t key = key_of(i, j), slot = slot_of(table, key);
-    return table->key[slot] == key ? table->point[slot] : PALP_LATTICE_MISS;
+    const bool found = table->key[slot] == key && table->point[slot] != WANTED;
+    return found ? table->point[slot] : PALP_LATTICE_MISS;
 }
 
 void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t point) {
@@ -57,17 +67,37 @@ typedef struct {
     const palp_lattice_room *r;
     palp_vec3 moved_m; /* the tool's reference point, seen from the moved surface */
     bool central;
-    uint32_t first;                         /* points of this tool begin here */
-    uint32_t looks, crossings, rings, feet; /* left in this filling */
-    bool full;                              /* places were left out */
-    float gap_m, area_m2;                   /* of measure_node */
+    uint32_t first;                            /* points of this tool begin here */
+    uint32_t looks, crossings, rings, feet;    /* left in this filling */
+    bool full;                                 /* places were left out */
+    uint32_t regions, end[PALP_LATTICE_SEEDS]; /* points of each region end here */
+    float far_m;                               /* gap up to which displacements far away matter */
+    float unsure_m;       /* gap up to which points there are kept: they may carry force */
+    float gap_m, area_m2; /* of measure_node */
     palp_surface_point deepest;
 } filling;
 
-/* The gap at a point of the surface, as the body as a whole has moved it. */
+/* What the body as a whole has moved a place of the surface by, beyond the mean; *gone: how far it
+ * is beyond the reach of the contact. */
+static palp_vec3 beside(const filling *f, palp_vec3 y, float *gone) {
+    const palp_lattice *l = f->l;
+    float least = 1e30f;
+    palp_vec3 u = palp_given_beside(&l->at.given, y, gone), far = {0};
+    if (!(*gone > 0.0f)) return u;
+    for (uint32_t k = 0; k < l->watched; k++) {
+        palp_vec3 d = palp_sub(y, l->watch[k].x_m);
+        if (palp_dot(d, d) >= least) continue;
+        least = palp_dot(d, d);
+        far = l->watch[k].u_m;
+    }
+    return palp_madd(u, *gone, far);
+}
+
+/* The gap at a place of the surface, as the body as a whole has moved it. */
 static palp_gap gap_of(const filling *f, palp_vec3 y) {
-    return palp_tool_gap(f->r->tool, f->moved_m,
-                         palp_add(y, palp_given_beside(&f->l->at.given, y)));
+    float gone;
+    f->r->done->evaluations++;
+    return palp_tool_gap(f->r->tool, f->moved_m, palp_add(y, beside(f, y, &gone)));
 }
 
 static palp_vec3 direction_of(const filling *f, float a, float b) {
@@ -102,8 +132,8 @@ float palp_lattice_cell_slope(const palp_contact_point *p) {
 }
 
 /* What the shot at (a, b) of the map meets, beginning on p->at.triangle; false if there is nothing
- * to touch. */
-static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
+ * to touch. `pressed`: it carried force in the last tick. */
+static bool shoot(filling *f, float a, float b, bool pressed, palp_contact_point *p) {
     const palp_lattice *l = f->l;
     palp_vec3 from = palp_add(f->moved_m, l->at.origin_m);
     p->direction = direction_of(f, a, b);
@@ -112,12 +142,16 @@ static bool shoot(filling *f, float a, float b, palp_contact_point *p) {
         from = palp_madd(from, b, l->at.tangent[1]);
     }
     f->r->done->shots++;
-    f->r->done->evaluations++;
     if (!palp_surface_shoot(f->r->surface, from, p->direction, &f->crossings, &p->at)) return false;
     p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
     p->facing = -palp_dot(p->at.n, p->direction);
-    palp_gap gap = gap_of(f, p->at.y);
-    p->overlap_m = -gap.gap_m;
+    float gone;
+    palp_vec3 y = palp_add(p->at.y, beside(f, p->at.y, &gone));
+    palp_gap gap = palp_tool_gap(f->r->tool, f->moved_m, y);
+    f->r->done->evaluations++;
+    p->overlap_m = palp_max(-gap.gap_m, 0.0f);
+    if (gap.gap_m >= (pressed ? KEPT * palp_tool_size(f->r->tool) : gone * f->unsure_m))
+        return false;
     if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;
     if (palp_dot(gap.normal, p->at.n) >= 0.0f) return false;
     float cell = l->at.spacing / palp_sqrt(p->facing);
@@ -131,7 +165,9 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     const palp_lattice_room *r = f->r;
     if (i < -PLACE_MOST || i > PLACE_MOST || j < -PLACE_MOST || j > PLACE_MOST) return;
     uint32_t key = key_of(i, j), slot = slot_of(r->table, key);
-    if (r->table->key[slot] == key) return;
+    const bool known = r->table->key[slot] == key;
+    const bool pressed = known && r->table->point[slot] == WANTED;
+    if (known && !pressed) return;
     f->full = f->full || f->looks == 0u;
     if (f->looks == 0u) return;
     f->looks--;
@@ -142,7 +178,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
           b = f->l->at.spacing * PALP_LATTICE_CELL * (float)j;
     p->at.triangle = triangle;
     if (f->central && a * a + b * b >= 3.9f) return;
-    if (!shoot(f, a, b, p) || p->overlap_m <= 0.0f) return;
+    if (!shoot(f, a, b, pressed, p)) return;
     if (*r->count + 1u >= r->most) {
         f->full = true;
         return;
@@ -173,8 +209,24 @@ static bool nearest_place(const filling *f, palp_vec3 y, int32_t place[2]) {
 static bool is_known(const filling *f, palp_vec3 y) {
     int32_t place[2];
     if (!nearest_place(f, y, place)) return true;
-    uint32_t key = key_of(place[0], place[1]);
-    return f->r->table->key[slot_of(f->r->table, key)] == key;
+    uint32_t key = key_of(place[0], place[1]), slot = slot_of(f->r->table, key);
+    return f->r->table->key[slot] == key && f->r->table->point[slot] != WANTED;
+}
+
+/* Marks the places next to the points that carried force in the last tick. They are kept whatever
+ * is foreseen, so that only a solved contact lets them go. */
+static void want_pressed(const filling *f) {
+    const palp_lattice_room *r = f->r;
+    for (uint32_t k = 0; k < r->count_before; k++) {
+        const palp_contact_point *p = &r->before[k];
+        int32_t place[2];
+        if (p->tool != r->number || !(p->force_N > 0.0f)) continue;
+        r->done->evaluations++; /* it costs less */
+        if (!nearest_place(f, p->at.y, place)) continue;
+        uint32_t key = key_of(place[0], place[1]), slot = slot_of(r->table, key);
+        r->table->key[slot] = key;
+        r->table->point[slot] = WANTED;
+    }
 }
 
 /* Fills the region around a point of the surface; false if the lattice finds nothing there. */
@@ -201,29 +253,66 @@ static bool fill_region(filling *f, const palp_surface_point *from) {
         if (f->r->point[k].overlap_m > f->r->point[deepest].overlap_m) deepest = k;
     }
     if (f->l->seeds < PALP_LATTICE_SEEDS) f->l->seed[f->l->seeds++] = f->r->point[deepest].at;
+    if (f->regions < PALP_LATTICE_SEEDS) f->regions++;
+    f->end[f->regions - 1u] = *f->r->count;
     return true;
 }
 
 /* ---- regions ---- */
 
-/* From a node towards the point of the surface that lies deepest in the tool nearby. */
-static bool find_foot(filling *f, palp_surface_point *p) {
+/* Direction from a ball's centre to the nearest point of the edges at a node: on a ridge the
+ * deepest point may lie between nodes, where no normal leads to it. */
+static palp_vec3 way_to_edges(const filling *f, uint32_t node, palp_vec3 at) {
+    const palp_blob *b = f->r->surface->blob;
+    const palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node), back = palp_sub(at, x);
+    palp_vec3 way = palp_scale(-1.0f, back);
+    for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
+        palp_vec3 e = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]), x);
+        float share = palp_clamp(palp_dot(back, e) / palp_dot(e, e), 0.0f, 1.0f);
+        palp_vec3 to = palp_sub(palp_scale(share, e), back);
+        f->r->done->around++;
+        if (palp_dot(to, to) < palp_dot(way, way)) way = to;
+    }
+    return palp_scale(1.0f / palp_max(palp_norm(way), 1e-30f), way);
+}
+
+/* Where a tool looks for its foot from: a ball's centre, seen from the surface at rest; of any
+ * other tool its nearest place. */
+static palp_vec3 foot_from(const filling *f, palp_vec3 y, palp_gap gap) {
+    float gone;
+    if (!f->central) return palp_madd(y, -gap.gap_m, gap.normal);
+    return palp_sub(palp_add(f->moved_m, f->r->tool->ball[0].center_m), beside(f, y, &gone));
+}
+
+/* From a node towards the point of the surface that lies deepest in the tool nearby. Each shot goes
+ * against the normal where the last one met the surface, which finds the foot on smooth places;
+ * where that leads away, as it does about an edge, it turns half back. */
+static bool find_foot(filling *f, uint32_t node, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
-    const palp_vec3 from = f->moved_m;
-    palp_vec3 d;
     if (f->feet == 0u) return false;
     f->feet--;
+    palp_gap least = gap_of(f, p->y);
+    palp_vec3 best = least.normal, way = best;
+    palp_surface_point trial = *p;
+    if (f->central) way = best = way_to_edges(f, node, foot_from(f, p->y, least));
+    bool met = false;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_gap gap = gap_of(f, p->y);
-        d = k == 0u ? gap.normal : palp_scale(-1.0f, p->n);
-        palp_vec3 at = palp_lattice_is_central(r->tool) ? palp_add(from, r->tool->ball[0].center_m)
-                                                        : palp_madd(p->y, -gap.gap_m, gap.normal);
+        palp_vec3 at = foot_from(f, p->y, least);
         r->done->shots++;
-        r->done->evaluations++;
-        if (!palp_surface_shoot(r->surface, at, d, &f->crossings, p)) return false;
+        if (!palp_surface_shoot(r->surface, at, way, &f->crossings, &trial)) break;
+        palp_gap gap = gap_of(f, trial.y);
+        if (gap.gap_m < least.gap_m || !met) {
+            best = way;
+            least = gap;
+            *p = trial;
+            met = true;
+            way = palp_scale(-1.0f, p->n);
+        } else {
+            way = palp_add(way, best);
+            way = palp_scale(1.0f / palp_max(palp_norm(way), 1e-6f), way);
+        }
     }
-    r->done->evaluations++;
-    return palp_dot(gap_of(f, p->y).normal, p->n) < 0.0f;
+    return met && palp_dot(least.normal, p->n) < 0.0f;
 }
 
 static palp_surface_point point_at_node(const palp_surface *s, uint32_t node) {
@@ -261,7 +350,6 @@ static bool is_deepest(filling *f, uint32_t node, float gap_m) {
     f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
-        r->done->evaluations++;
         if (gap_of(f, x).gap_m < gap_m) return false;
     }
     return true;
@@ -277,8 +365,7 @@ static void measure_node(filling *f, uint32_t node, float gap_m) {
     if (gap_m >= f->gap_m && !is_deepest(f, node, gap_m)) return;
     palp_surface_point p = point_at_node(f->r->surface, node);
     float least = gap_m;
-    if (find_foot(f, &p)) {
-        f->r->done->evaluations++;
+    if (find_foot(f, node, &p)) {
         least = gap_of(f, p.y).gap_m;
     } else {
         p = point_at_node(f->r->surface, node);
@@ -297,10 +384,18 @@ static void seek_region(filling *f, uint32_t node, float gap_m) {
         return;
     }
     if (!is_deepest(f, node, gap_m)) return;
-    if (!find_foot(f, &p) || is_known(f, p.y)) return;
-    f->r->done->evaluations++;
+    if (!find_foot(f, node, &p) || is_known(f, p.y)) return;
     if (gap_of(f, p.y).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
+}
+
+/* Where the watched nodes are now. */
+static void place_watched(palp_lattice *l, const palp_lattice_room *r) {
+    for (uint32_t k = 0; k < l->watched; k++) {
+        palp_lattice_watch *w = &l->watch[k];
+        w->u_m = palp_surface_corner(r->surface, w->node, r->far_modes, r->load);
+        w->u_m = palp_scale(r->share, w->u_m);
+    }
 }
 
 static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
@@ -315,8 +410,34 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
                    .looks = PALP_LATTICE_LOOKS(r->most),
                    .crossings = PALP_LATTICE_CROSSINGS(r->most),
                    .rings = PALP_LATTICE_RINGS(r->most),
-                   .feet = PALP_LATTICE_FEET(r->most)};
+                   .feet = PALP_LATTICE_FEET(r->most),
+                   .unsure_m = UNSURE * palp_norm(r->given.mean_m),
+                   .far_m = ELSEWHERE * palp_norm(r->given.mean_m) +
+                            MARGIN * r->surface->blob->meta->mean_edge_m};
     *r->count = first;
+    place_watched(l, r);
+}
+
+/* Nodes to watch in the next filling: those nearest to touching, apart by more than the reach of
+ * the contact. */
+typedef struct {
+    palp_lattice_watch of[PALP_LATTICE_WATCHED];
+    uint32_t count;
+} watch_list;
+
+static void offer(watch_list *list, const palp_given *given, palp_lattice_watch w) {
+    uint32_t in = list->count, farthest = 0;
+    palp_vec3 d = palp_sub(w.x_m, given->at_m);
+    if (!(palp_dot(d, d) * given->fade > 1.0f)) return;
+    for (uint32_t k = 0; k < list->count; k++) {
+        d = palp_sub(w.x_m, list->of[k].x_m);
+        if (palp_dot(d, d) * given->fade <= 1.0f) in = k;
+        if (list->of[k].gap_m > list->of[farthest].gap_m) farthest = k;
+    }
+    if (in == PALP_LATTICE_WATCHED) in = farthest;
+    if (in < list->count && list->of[in].gap_m <= w.gap_m) return;
+    list->of[in] = w;
+    if (in == list->count) list->count++;
 }
 
 typedef enum { MEASURE, SEEK } purpose;
@@ -329,6 +450,7 @@ static void visit_nodes(filling *f, purpose of) {
     const float margin = MARGIN * m->mean_edge_m;
     const float reach = palp_lattice_reach(r->tool, b);
     const palp_vec3 c = f->moved_m;
+    watch_list next = {.count = 0};
     cell_range cells = cells_around(b, c, reach);
     for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
         for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
@@ -341,15 +463,20 @@ static void visit_nodes(filling *f, purpose of) {
                 r->done->around++;
                 if (palp_dot(v, v) > reach * reach) continue;
                 palp_gap gap = gap_of(f, palp_add(c, v));
-                r->done->evaluations++;
-                if (gap.gap_m > margin) continue;
+                if (gap.gap_m > palp_max(margin, f->far_m)) continue;
                 if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
                     continue;
+                offer(
+                    &next, &f->l->at.given,
+                    (palp_lattice_watch){.node = node, .x_m = palp_add(c, v), .gap_m = gap.gap_m});
+                if (gap.gap_m > margin) continue;
                 if (of == MEASURE) measure_node(f, node, gap.gap_m);
                 if (of == SEEK) seek_region(f, node, gap.gap_m);
             }
         }
     }
+    f->l->watched = next.count;
+    for (uint32_t k = 0; k < next.count; k++) f->l->watch[k] = next.of[k];
 }
 
 /* ---- following the overlap ---- */
@@ -386,6 +513,7 @@ static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
 static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     filling a;
     l->placed = false;
+    l->watched = 0;
     l->at.back_m = 0.0f;
     l->went = (palp_vec3){0};
     l->grew = 0.0f;
@@ -397,7 +525,6 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     if (!(a.gap_m < 0.0f)) return false;
     float size = palp_tool_size(r->tool), depth = -a.gap_m;
     palp_vec3 c = palp_add(a.moved_m, center_of(r->tool));
-    r->done->evaluations++;
     palp_gap gap = gap_of(&a, a.deepest.y);
     if (palp_lattice_is_central(r->tool)) {
         set_axis(l, palp_sub(a.deepest.y, c));
@@ -438,11 +565,46 @@ static float covered(const palp_tool *tool, float area_m2) {
  * between two places of which each points to the other. */
 static float damping(float along) { return along < 0.0f ? DAMPED : 1.0f; }
 
+/*
+ * Where a sphere's axis is to point: to the mean of its regions' directions, each by its weight but
+ * a large one not by more than a small one, so that all of them lie in the map. Shorter than 1 by
+ * how far the overlap is apart.
+ */
+static palp_vec3 axis_toward(const palp_lattice_room *r, const filling *f) {
+    palp_vec3 toward[PALP_LATTICE_SEEDS], mean = {.x = 0.0f};
+    float weight[PALP_LATTICE_SEEDS], most = 0.0f, all = 0.0f;
+    uint32_t k = f->first;
+    for (uint32_t n = 0; n < f->regions; n++) {
+        toward[n] = (palp_vec3){.x = 0.0f};
+        weight[n] = 0.0f;
+        for (; k < f->end[n]; k++) {
+            const palp_contact_point *p = &r->point[k];
+            float w = p->cell_m * p->cell_m * p->overlap_m;
+            toward[n] = palp_madd(toward[n], w, p->direction);
+            weight[n] += w;
+        }
+        most = palp_max(most, weight[n]);
+    }
+    for (uint32_t n = 0; n < f->regions; n++) {
+        if (!(weight[n] > 0.0f)) continue;
+        float share = weight[n] / (weight[n] + LARGE * most);
+        mean = palp_madd(mean, share / weight[n], toward[n]);
+        all += share;
+    }
+    return palp_scale(1.0f / palp_max(all, 1e-30f), mean);
+}
+
+/* How far the axis follows in one filling. Between regions on opposite sides the mean direction
+ * swings with each point that comes or goes, and would take all points with it. */
+static float following(float length) {
+    return palp_clamp((length - APART) / (GATHERED - APART), SLOWEST, 1.0f);
+}
+
 /* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
  */
 static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f) {
     float weight = 0.0f, square = 0.0f, cells = 0.0f, deepest = 0.0f;
-    palp_vec3 toward = {0}, out = {0};
+    palp_vec3 aside = {0}, out = {0};
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
         float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
@@ -451,7 +613,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         square += w * p->overlap_m;
         cells += w * area;
         deepest = palp_max(deepest, p->overlap_m);
-        toward = palp_madd(toward, w, f->central ? p->direction : off);
+        aside = palp_madd(aside, w, off);
         if (!f->central) out = palp_madd(out, -w, p->at.n);
     }
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
@@ -463,19 +625,20 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     float change2 = cell2 * PALP_LATTICE_CELL * weight / cells;
     if (f->full) change2 = palp_max(change2, 1.3f);
     float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f));
-    change = 1.0f + damping((change - 1.0f) * l->grew) * (change - 1.0f);
+    const float slow = f->regions > 1u ? SLOWER : 1.0f;
+    change = 1.0f + slow * damping((change - 1.0f) * l->grew) * (change - 1.0f);
     l->grew = change - 1.0f;
     palp_vec3 went;
     if (f->central) {
-        const palp_vec3 before = l->at.axis;
+        const palp_vec3 before = l->at.axis, toward = axis_toward(r, f);
         set_axis(l, toward);
         went = palp_scale(1.0f / l->at.spacing, palp_sub(l->at.axis, before));
-        float share = damping(palp_dot(went, l->went));
+        float share = damping(palp_dot(went, l->went)) * following(palp_norm(toward));
         set_axis(l, palp_madd(before, share, palp_sub(l->at.axis, before)));
         went = palp_scale(share, went);
         l->at.spacing = palp_min(l->at.spacing * change, 0.8f);
     } else {
-        palp_vec3 shift = palp_scale(1.0f / weight, toward);
+        palp_vec3 shift = palp_scale(1.0f / weight, aside);
         shift = palp_madd(palp_scale(1.0f - l->at.fixed, shift), -l->at.fixed, l->at.origin_m);
         if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
         shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
@@ -504,6 +667,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     r->done->fillings++;
     for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
     l->seeds = 0;
+    want_pressed(f);
     for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];

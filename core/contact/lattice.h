@@ -4,8 +4,8 @@
  *
  * A sphere sends its shots from its centre, along the points of a lattice in Lambert's equal-area
  * map about the lattice's axis; every other tool sends them side by side, along the axis. Where a
- * shot enters the surface lies a contact point. Points are kept where the tool overlaps the surface
- * at rest, so they come and go without force. The lattice follows the overlap
+ * shot enters the surface lies a contact point. Points are kept where the tool overlaps the
+ * surface, so they come and go without force. The lattice follows the overlap
  *
  *     axis     sum a_i d_i direction_i, normalised (a sphere); origin sum a_i d_i x_i / sum a_i d_i
  *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,   A = 4/3 (sum a_i d_i)^2 / sum a_i
@@ -15,9 +15,9 @@
  * whatever the size of the contact and however many regions it has.
  *
  * The overlap is that with the surface as the body as a whole has moved it in the last tick
- * (given.h), so d_i is what is left for the contact's own neighbourhood. A sphere that is pressed
- * deeper than half of its radius sends its shots from behind its centre, so that they still meet
- * the surface from above.
+ * (given.h; beyond its reach, where other regions are, by the largest modes), so d_i is what is
+ * left for the contact's own neighbourhood. A sphere that is pressed deeper than half of its radius
+ * sends its shots from behind its centre, so that they still meet the surface from above.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
@@ -38,6 +38,8 @@
 #define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
 #define PALP_LATTICE_RINGS(room) ((room) / 4u + 8u) /* nodes compared with all their neighbours */
 #define PALP_LATTICE_FEET(room) ((room) / 16u + 3u) /* nearest points sought, four shots each */
+#define PALP_LATTICE_WATCHED 4u /* nodes beyond the reach of the contact that are kept in sight */
+#define PALP_LATTICE_FAR_MODES 16u /* which say how the body has moved them */
 
 /* One contact point. */
 typedef struct {
@@ -46,7 +48,7 @@ typedef struct {
     float shot_m;        /* length of the shot, to at.q */
     float facing;        /* - n . direction */
     float cell_m;        /* spacing of the regular lattice that it stands for */
-    float overlap_m;     /* with the surface as the body as a whole has moved it; above 0 */
+    float overlap_m;     /* with the surface as the body as a whole has moved it; not below 0 */
     uint32_t tool;
     int16_t i, j;  /* place in the lattice */
     palp_vec3 m;   /* out of the tool, into the body: direction of the force on the body */
@@ -74,12 +76,22 @@ typedef struct {
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
 } palp_lattice_state;
 
+/* A node beyond the reach of the contact that the tool may come to touch, and what the largest
+ * modes have moved it by. */
+typedef struct {
+    uint32_t node;
+    palp_vec3 x_m, u_m;
+    float gap_m;
+} palp_lattice_watch;
+
 typedef struct {
     palp_lattice_state at;   /* where the next filling will be */
     palp_lattice_state used; /* of the points of this tick */
     palp_vec3 went;          /* how axis or origin changed in the last filling, over the spacing */
     float grew;              /* and the spacing, less 1 */
     bool placed;
+    uint32_t watched;
+    palp_lattice_watch watch[PALP_LATTICE_WATCHED];
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
 } palp_lattice;
@@ -98,6 +110,9 @@ typedef struct {
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
     palp_given given;          /* by the body as a whole, as foreseen */
+    const float *load;         /* [far_modes] of the modes, in the last tick */
+    uint32_t far_modes;        /* PALP_LATTICE_FAR_MODES, or all that there are */
+    float share;               /* of what they displace by, as foreseen */
     palp_contact_point *point; /* [most], the first *count in use by the tools before */
     uint32_t *count, most;
     const palp_contact_point *before; /* [count_before] of the last tick, of all tools */

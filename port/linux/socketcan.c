@@ -65,17 +65,21 @@ can_port can_open(const char *interface, bool fd_frames, const palp_can_filter *
     if (p.fd < 0)
         die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop",
             strerror(errno));
-    struct sockaddr_can address = {.can_family = AF_CAN,
-                                   .can_ifindex = find_interface(p.fd, interface, fd_frames)};
+    p.index = find_interface(p.fd, interface, fd_frames);
     set_filters(p.fd, filter, count);
     if (fd_frames && setsockopt(p.fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0)
         die(EXIT_WORK, "--bus: the kernel refuses CAN FD frames: %s", strerror(errno));
     setsockopt(p.fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
     setsockopt(p.fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
     setsockopt(p.fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
-    if (bind(p.fd, (struct sockaddr *)&address, sizeof address) < 0)
-        die(EXIT_WORK, "--bus: cannot bind to '%s': %s", interface, strerror(errno));
     return p;
+}
+
+bool can_listen(can_port *port) {
+    struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = port->index};
+    if (bind(port->fd, (struct sockaddr *)&address, sizeof address) == 0) return true;
+    port->events |= PALP_EVENT_BUS_DOWN;
+    return false;
 }
 
 /* The message's time stamp, 0 without one; notes what the kernel has dropped. */

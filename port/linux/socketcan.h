@@ -7,7 +7,7 @@
 
 /* An interface, and what has happened on it since the last look. */
 typedef struct {
-    int fd;
+    int fd, index; /* of the socket, of the interface */
     const char *name;
     uint32_t events;     /* PALP_EVENT_BUS_ bits and OVERFLOW; the reader clears them */
     uint32_t dropped;    /* frames that the kernel's receive queue had no room for, in total */
@@ -16,9 +16,14 @@ typedef struct {
 
 /*
  * Opens `interface`, for CAN FD too if `fd` is set; exits 2 with a mend when the kernel has no CAN,
- * no such interface, or one that cannot carry FD. `count` 0 receives all frames.
+ * no such interface, or one that cannot carry FD. `count` 0 receives all frames. Nothing is received
+ * or can be sent before can_listen().
  */
 can_port can_open(const char *interface, bool fd, const palp_can_filter *filter, uint32_t count);
+
+/* From now on frames are received: called when somebody reads them, so that none queue up and drop
+ * before. False, and an event, when the interface has gone. */
+bool can_listen(can_port *port);
 
 /* Takes up to `capacity` frames that have arrived, in their order, with one system call per
  * CAN_BATCH; returns how many. time_s[capacity], or NULL, gets the kernel's time stamps

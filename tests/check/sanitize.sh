@@ -2,15 +2,15 @@
 # The unit tests of everything that meets untrusted bytes, under address and undefined behaviour sanitizers.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-for test in base blob wavelet contact surface zones grasp tets device servo faults; do
-    cc=gcc
-    $cc -std=c11 -D_GNU_SOURCE -O1 -g -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=undefined \
-        -Wno-psabi -DTRIALS=1 -I. -pthread tests/unit/$test.c tests/models.c core/*/*.c \
-        $(ls tools/*.c | grep -v tools/main) $(ls sim/*.c | grep -v palp_sim) $(ls port/linux/*.c | grep -vE "palpd|telemetry_dds") \
-        "$BUILD/devices.c" -lm -o "$work/$test" 2>"$work/errors" || cat "$work/errors"
-    ASAN_OPTIONS=detect_leaks=0 "$work/$test" >"$work/log" 2>&1
+tests="base blob wavelet contact surface zones grasp tets device servo faults"
+make -s -j2 BUILD="$BUILD/sanitized" OPTIMISE=-O1 WARN=-w DDS= \
+    INSTRUMENT="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined -DTRIALS=1" \
+    $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 || tail -5 "$work/errors"
+for test in $tests; do
+    begun=$(date +%s)
+    ASAN_OPTIONS=detect_leaks=0 "$BUILD/sanitized/tests/$test" >"$work/log" 2>&1
     status=$?
     [ $status -eq 0 ] || { grep -E '^not ok|ERROR|runtime error' "$work/log" | head -5; }
-    ok $status "tests/unit/$test.c under sanitizers"
+    ok $status "tests/unit/$test.c under sanitizers, $(($(date +%s) - begun)) s"
 done
 done_testing

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
 # palp-sim and palpd as two processes over real SocketCAN, in PREEMPT_RT kernels on emulated x86-64 and AArch64.
 #   lock step  every protocol over vcan, classic and FD; over two kvaser controllers on one bus; over a serial-line
-#              adapter: 10,000 ticks each, with the very same result as the bus in memory on this host
+#              adapter: TICKS each, with the very same result as the bus in memory on this host
+#              (TICKS=3000 of them here; make soak takes 10,000)
 #   paced      in virtual time by instruction count: real clock, logs that replay on this host, the device gone,
 #              error-passive, bus-off and restart. It shows function and frame handling, not latency.
 . "$(dirname "$0")/../cli/lib.sh"
 . "$here/tests/vm/lib.sh"
-TICKS=${TICKS:-10000}
+TICKS=${TICKS:-3000}
 skip() { echo "ok 1 - palpd and palp-sim over SocketCAN in virtual machines # SKIP $1"; echo 1..1; exit 0; }
 [ "$(uname -m)" = x86_64 ] || skip "needs an x86-64 host"
 for tool in qemu-system-x86_64 qemu-system-aarch64 aarch64-linux-gnu-gcc cpio apt-get dpkg; do
@@ -100,7 +101,8 @@ for arch in amd64 arm64; do
     out=vm-paced-$arch.txt
     first=$(sed '/EXIT-A/q' $out | grep -v '^(')
     grep -q 'EXIT-A 0' $out; ok $? "$arch: 12 s over vcan, by the clock, end in RUN without fault"
-    echo "$first" | grep -qE ' 0 rejected.* 0 late, 0 implausible; [0-9]+ sent, 0 lost; 0 dropped'
+    # two clocks run free: where their ticks coincide, one brings no frame of an axis and the next two
+    echo "$first" | grep -qE ' 0 rejected, ([0-9]{1,2}) repeated, \1 late, 0 implausible; [0-9]+ sent, 0 lost; 0 dropped'
     ok $? "$arch: $(echo "$first" | grep '^frames' | tr -s ' ')"
     echo "$first" | grep -qE 'largest force +[0-9.]*[1-9]'; ok $? "$arch: the body is felt: $(echo "$first" | grep '^largest' | tr -s ' ')"
     echo "$first" | grep -q '^loop  *0 minor page faults after the start, 0 ticks not on record'; ok $? "$arch: $(echo "$first" | grep '^loop' | tr -s ' ')"

@@ -30,7 +30,7 @@ within ripple "tool 6 edges, depth 0.3 R" 0.3
 within "contact lost" paths 0
 within "level, mean" "level 0 " 4
 within "level, mean" "level 3 " 2
-within "closed path" "level 4" 1e-4
+within "closed path, worst" "level 4" 1e-4
 within pull largest 0.1
 within "off after 100 ms" stall 2
 within "largest step" stall 1.5

@@ -4,6 +4,7 @@
 #include "core/contact/loads.h"
 #include "tests/models.h"
 #include "tests/tap.h"
+#include "tools/nodal.h"
 #include "tools/parallel.h"
 #include "tools/press.h"
 #include "tools/util.h"
@@ -125,59 +126,8 @@ static void test_hertz(const baked *b) {
     }
 }
 
-/* All nodes under a tool of several edges, in true geometry, from dense Green's functions in
- * double: |x + u - c| >= R by projected Gauss-Seidel, directions renewed. At small depths few nodes
- * are touched and the reference has the mesh's rhythm itself. */
-static double dense_force(const baked *b, const double c[3], double radius) {
-    enum { MOST = 400 };
-    static double g[MOST][MOST], d[MOST], lambda[MOST], u[MOST][3], m[MOST][3];
-    uint32_t node[MOST], n = 0;
-    for (uint32_t i = 0; i < b->m.vertices && n < MOST; i++) {
-        double r[3];
-        v_sub(b->m.x[i], c, r);
-        if (b->fixed[i] == 0 && v_norm(r) < 1.05 * radius && v_dot(r, b->normal[i]) < 0)
-            node[n++] = i;
-    }
-    memset(u, 0, sizeof u);
-    for (int outer = 0; outer < 6; outer++) {
-        for (uint32_t i = 0; i < n; i++) {
-            for (int k = 0; k < 3; k++) m[i][k] = b->m.x[node[i]][k] + u[i][k] - c[k];
-            double length = v_norm(m[i]);
-            v_normalize(m[i]);
-            d[i] = radius - length + v_dot(m[i], u[i]);
-            lambda[i] = 0;
-        }
-        for (uint32_t i = 0; i < n; i++) {
-            for (uint32_t j = 0; j < n; j++) {
-                g[i][j] = 0;
-                for (size_t e = 0; e < 9; e++)
-                    g[i][j] += m[i][e / 3] *
-                               greens_row(&b->g, node[i], e / 3)[3 * node[j] + e % 3] * m[j][e % 3];
-            }
-        }
-        for (int sweep = 0; sweep < 3000; sweep++) {
-            for (uint32_t i = 0; i < n; i++) {
-                double rest = d[i];
-                for (uint32_t j = 0; j < n; j++) rest -= g[i][j] * lambda[j];
-                lambda[i] = fmax(lambda[i] + rest / g[i][i], 0);
-            }
-        }
-        memset(u, 0, sizeof u);
-        for (uint32_t i = 0; i < n; i++) {
-            for (uint32_t j = 0; j < n; j++) {
-                for (size_t e = 0; e < 9; e++)
-                    u[i][e / 3] += greens_row(&b->g, node[i], e / 3)[3 * node[j] + e % 3] *
-                                   m[j][e % 3] * lambda[j];
-            }
-        }
-    }
-    double force[3] = {0};
-    for (uint32_t i = 0; i < n; i++) {
-        for (int k = 0; k < 3; k++) force[k] -= lambda[i] * m[i][k];
-    }
-    return v_norm(force);
-}
-
+/* Against all nodes under a tool of several edges. At small depths few of them are touched, and the
+ * reference has the mesh's rhythm itself. */
 static void test_dense(const baked *b) {
     static const double depth[] = {0.05, 0.1, 0.2};
     double radius = 6 * (double)b->blob.meta->mean_edge_m;
@@ -191,8 +141,9 @@ static void test_dense(const baked *b) {
             palp_vec3 at = times(d, 1 + radius * (1 - depth[s]));
             const double center[3] = {(double)at.x, (double)at.y, (double)at.z};
             press_hold(c, at, 10);
-            worst = fmax(
-                worst, fabs((double)palp_norm(c->force_N[0]) / dense_force(b, center, radius) - 1));
+            const nodal_press all = nodal_hold(&b->blob, center, radius);
+            CHECK(all.settled, "%u nodes near, %u touch", all.near, all.touched);
+            worst = fmax(worst, fabs((double)palp_norm(c->force_N[0]) / v_norm(all.force_N) - 1));
             press_close(c);
         }
         AT_MOST(100 * worst, s == 0 ? 12 : 5,
@@ -597,6 +548,44 @@ static void test_deep(const baked *b) {
     AT_MOST(fmax(work, 0) / stored, 1e-3, "work won over what was stored");
 }
 
+/* A ball goes down between the two prongs of a fork and bends them apart, then presses one aside:
+ * two regions, far apart and on sharp edges, felt from the first touch on and without a step. */
+static void test_fork(uint32_t squares) {
+    static const int cube[][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {0, 0, 1},
+                                  {2, 0, 1}, {0, 0, 2}, {2, 0, 2}};
+    enum { TICKS = 300 };
+    uint32_t *cell;
+    const baked b = model_bake(model_voxels(cube, 7, 1, squares, &cell), 1e-6, 0, false, false);
+    const palp_tool tool = palp_tool_sphere(0.6f);
+    palp_contact *c = press_open(&b.blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_vec3 before = {.x = 0};
+    double step = 0, largest = 0, aside = 0, first = 0;
+    uint32_t left = 0, right = 0;
+    for (int k = 0; k < 2 * TICKS; k++) {
+        const double down = fmin(k, TICKS) / TICKS, over = fmax(k - TICKS, 0) / TICKS;
+        const palp_vec3 at = {(float)(1.5 + 0.08 * over), 0.5f, (float)(3.35 - 0.35 * down)};
+        press_hold(c, at, 1);
+        const palp_vec3 f = c->force_N[0];
+        const double size = (double)palp_norm(f);
+        if (!(palp_norm(before) > 0) && size > 0) first = size;
+        step = fmax(step, (double)palp_norm(palp_sub(f, before)));
+        largest = fmax(largest, size);
+        before = f;
+        if (k != TICKS - 1) continue;
+        aside = (double)(palp_abs(f.x) / palp_norm(f));
+        for (uint32_t i = 0; i < c->count; i++) {
+            if (c->point[i].force_N > 0) *(c->point[i].at.y.x < 1.5f ? &left : &right) += 1;
+        }
+    }
+    CHECK(left > 2 && right > 2, "fork of %u nodes: %u and %u points on the prongs",
+          b.blob.meta->nodes, left, right);
+    AT_MOST(aside, 0.01, "between equal prongs the force is upright: aside");
+    AT_MOST(first / largest, 0.01, "found when touched: first force over the largest");
+    AT_MOST(step / largest, 0.03, "largest step over the largest force");
+    press_close(c);
+    free(cell);
+}
+
 int main(void) {
     progress_quiet(1);
     test_progress();
@@ -612,6 +601,8 @@ int main(void) {
     test_levels(&ball);
     test_resolutions(&small, &ball);
     test_deep(&ball);
+    test_fork(3);
+    test_fork(4);
     test_closed_path(&ball);
     test_answer(&ball.blob);
     test_friction(&ball.blob);
