@@ -30,7 +30,7 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all size cortexm static demo demo-finger demo-dyna test check bench feel reproduce deps install deb clean help format
+.PHONY: all size cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 $(BUILD)/core/%.o: core/%.c
@@ -162,9 +162,13 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	apt-get update
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
-CHECKS := $(patsubst %,tests/check/%.sh,static wcet sanitize same-bits browser direct finger dynamic calculix logs realtime dds zwidth package fuzz vm reproduce)
+# The longest first: they run side by side.
+CHECKS := $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits reproduce dynamic zwidth fuzz static package calculix dds finger logs realtime direct browser)
 check: test $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
+soak: all $(UNIT_BIN) $(BUILD)/elements ## what of make check is only long, in full: hours
+	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 \
+	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices

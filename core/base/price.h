@@ -89,6 +89,7 @@
     X(FRAME, "frame", "one frame received")                                                        \
     X(FILLING, "filling", "one filling of a lattice, its table, what it follows")                  \
     X(AROUND, "around", "one node around a tool looked at")                                        \
+    X(GIVEN, "given", "what the body as a whole has moved a place by")                             \
     X(SHOT, "shot", "one place of a lattice looked at")                                            \
     X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \
     X(POINT, "point", "a contact point: what it asks, its share of the answer")                    \

@@ -306,7 +306,7 @@ bool palp_contact_fill(palp_contact *contact) {
     uint32_t flags = palp_lattice_fill(&c->lattice[t], &room, c->first);
     c->filled = sum_of(c->filled, c->done);
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
-                    60u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
+                    72u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings +
                     3u * PALP_LATTICE_WATCHED * PALP_LATTICE_FAR_MODES;
     const bool missed = c->count == c->first && c->normal_N[t] > 0.0f;

@@ -57,8 +57,8 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
 
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
     return (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
-           (float)done.evaluations * cost->evaluation + (float)done.shots * PRICE(cost, SHOT) +
-           (float)done.crossings * PRICE(cost, CROSSING) +
+           (float)done.evaluations * (cost->evaluation + PRICE(cost, GIVEN)) +
+           (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
            (float)done.fillings * PALP_LATTICE_WATCHED *
                (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE));
 }

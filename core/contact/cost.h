@@ -24,8 +24,8 @@ typedef struct {
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price);
 
-/* What a filling did: fillings FILLING + around AROUND + evaluations EVALUATION + shots SHOT +
- * crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h. */
+/* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + GIVEN) + shots
+ * SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that palp_contact_fill does: 2 fillings; around: 2 N, the rows of cells and 2 feet

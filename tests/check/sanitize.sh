@@ -3,7 +3,7 @@
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
 tests="base blob wavelet contact surface zones grasp tets device servo faults"
-make -s -j2 BUILD="$BUILD/sanitized" OPTIMISE=-O1 WARN=-w DDS= \
+make -s -j2 BUILD="$BUILD/sanitized" OPTIMISE=-O2 WARN=-w DDS= \
     INSTRUMENT="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined -DTRIALS=1" \
     $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 || tail -5 "$work/errors"
 for test in $tests; do
