@@ -103,17 +103,19 @@ typedef struct {
     float log_cell;
 } shot_move;
 
-/* Of a point. */
+/* Of a point; n is only there where the axis follows the normals. */
 typedef struct {
-    palp_vec3 q, y, n;
+    palp_vec3 q, n;
     float cell, overlap;
 } point_move;
 
 /* What does not depend on the move: derivatives at a point. */
 typedef struct {
     float dy_dq[9], dn_dq[9];
-    palp_vec3 facet;       /* over its slant to the shot */
-    palp_vec3 out, out_at; /* gradients of the gap, of the tool's place and of the point's */
+    palp_vec3 facet;    /* over its slant to the shot */
+    palp_vec3 out;      /* gradient of the gap with respect to the tool's place */
+    palp_vec3 out_q;    /* and to q */
+    palp_vec3 facing_q; /* of n . direction */
 } point_slopes;
 
 static palp_vec3 times(const float m[9], palp_vec3 v) {
@@ -141,7 +143,8 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     float gone; /* what watched nodes are moved by is left out: it hardly turns the normal */
     palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y, &gone));
     z.out = palp_tool_gap(&c->tools[p->tool], at, y).normal;
-    z.out_at = palp_add(z.out, palp_given_turned_back(given, z.out));
+    z.out_q = transposed(z.dy_dq, palp_add(z.out, palp_given_turned_back(given, z.out)));
+    z.facing_q = transposed(z.dn_dq, p->direction);
     return z;
 }
 
@@ -151,13 +154,12 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
     point_move d;
     palp_vec3 aim = palp_madd(shot->from, p->shot_m, shot->direction);
     d.q = palp_madd(aim, -palp_dot(z->facet, aim), p->direction);
-    d.y = times(z->dy_dq, d.q);
-    d.n = times(z->dn_dq, d.q);
-    float facing = -palp_dot(d.n, p->direction) - palp_dot(p->at.n, shot->direction);
+    d.n = central ? (palp_vec3){.x = 0.0f} : times(z->dn_dq, d.q);
+    float facing = -palp_dot(z->facing_q, d.q) - palp_dot(p->at.n, shot->direction);
     float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
     d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
     if (central) d.cell += p->cell_m * length / p->shot_m;
-    d.overlap = p->overlap_m > 0.0f ? palp_dot(z->out, tool) - palp_dot(z->out_at, d.y) : 0.0f;
+    d.overlap = p->overlap_m > 0.0f ? palp_dot(z->out, tool) - palp_dot(z->out_q, d.q) : 0.0f;
     return d;
 }
 
@@ -218,7 +220,7 @@ static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3
     f->d2[k] += dw * area + w * darea;
     palp_vec3 moved = central ? shot->direction : d->q;
     f->dtoward[k] = palp_add(f->dtoward[k], palp_madd(palp_scale(dw, off), w, moved));
-    f->dout[k] = palp_add(f->dout[k], palp_madd(palp_scale(dw, p->at.n), w, d->n));
+    if (!central) f->dout[k] = palp_add(f->dout[k], palp_madd(palp_scale(dw, p->at.n), w, d->n));
 }
 
 /* Derivatives of the equations r that the lattice obeys, in direction k. */

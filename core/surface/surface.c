@@ -130,6 +130,14 @@ void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *
 
 /* ---- the regular part ---- */
 
+/* sum += x u_x + y u_y + z u_z for `modes` modes, a multiple of PALP_MODE_LANES. */
+static void add_corner(float *restrict sum, const int16_t *restrict u, uint32_t stored,
+                       uint32_t modes, palp_vec3 d) {
+    const int16_t *restrict v = u + stored, *restrict w = v + stored;
+    for (uint32_t a = 0; a < modes; a++)
+        sum[a] += d.x * (float)u[a] + d.y * (float)v[a] + d.z * (float)w[a];
+}
+
 void palp_surface_modes(const palp_surface *surface, const palp_surface_point *point, palp_vec3 d,
                         uint32_t modes, float *row, size_t stride) {
     const palp_blob *b = surface->blob;
@@ -137,12 +145,8 @@ void palp_surface_modes(const palp_surface *surface, const palp_surface_point *p
     float sum[PALP_MAX_MODES];
     for (uint32_t a = 0; a < modes; a++) sum[a] = 0.0f;
     for (uint32_t k = 0; k < 3u; k++) {
-        const float unit = point->weight[k] / PALP_MODE_UNIT;
-        const float x = unit * d.x, y = unit * d.y, z = unit * d.z;
-        const int16_t *restrict u = b->regular.vector + 3u * (size_t)v[k] * stored;
-        for (uint32_t a = 0; a < modes; a++) {
-            sum[a] += x * (float)u[a] + y * (float)u[stored + a] + z * (float)u[2u * stored + a];
-        }
+        add_corner(sum, b->regular.vector + 3u * (size_t)v[k] * stored, stored, modes,
+                   palp_scale(point->weight[k] / PALP_MODE_UNIT, d));
     }
     for (uint32_t a = 0; a < modes; a++) row[a * stride] = sum[a];
 }
