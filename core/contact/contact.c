@@ -309,9 +309,10 @@ bool palp_contact_fill(palp_contact *contact) {
                     72u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings +
                     3u * PALP_LATTICE_WATCHED * PALP_LATTICE_FAR_MODES;
-    const bool missed = c->count == c->first && c->normal_N[t] > 0.0f;
-    bool again =
-        ((flags & PALP_LATTICE_MOVED) != 0u || missed) && ++c->fillings < PALP_LATTICE_FILLINGS;
+    const bool begun = (flags & PALP_LATTICE_BEGUN) != 0u;
+    const bool missed = c->count == c->first && !begun && c->normal_N[t] > 0.0f;
+    bool again = ((flags & PALP_LATTICE_MOVED) != 0u || begun || missed) &&
+                 ++c->fillings < PALP_LATTICE_FILLINGS;
     if (missed) {
         c->given_share = c->fillings == 1u ? 0.5f * c->given_share : 0.0f;
         c->forward = c->fillings == 1u ? NEAR : FAR;

@@ -66,15 +66,14 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level) {
     const uint32_t looks = PALP_LATTICE_LOOKS(level.points), nodes = (uint32_t)cost->nodes;
-    return (palp_lattice_counts){
-        .fillings = 2u,
-        .around = 2u * (nodes + (uint32_t)cost->rows) +
-                  2u * PALP_LATTICE_FEET(level.points) * (uint32_t)cost->ring,
-        .evaluations = 2u * nodes + looks + level.contacts +
-                       2u * PALP_LATTICE_RINGS(level.points) * (uint32_t)cost->ring +
-                       12u * PALP_LATTICE_FEET(level.points) + 1u,
-        .shots = looks + 8u * PALP_LATTICE_FEET(level.points),
-        .crossings = PALP_LATTICE_MEASURE + PALP_LATTICE_CROSSINGS(level.points)};
+    const uint32_t feet = PALP_LATTICE_FEET(level.points), ring = (uint32_t)cost->ring;
+    return (palp_lattice_counts){.fillings = 1u,
+                                 .around = nodes + (uint32_t)cost->rows + feet * ring,
+                                 .evaluations = nodes + looks + level.contacts +
+                                                PALP_LATTICE_RINGS(level.points) * ring +
+                                                6u * feet + 1u,
+                                 .shots = looks + 4u * feet,
+                                 .crossings = PALP_LATTICE_CROSSINGS(level.points)};
 }
 
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {

@@ -28,9 +28,9 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
  * SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
-/* The most that palp_contact_fill does: 2 fillings; around: 2 N, the rows of cells and 2 feet
- * max_ring; evaluations: 2 N + looks + contacts + 2 rings max_ring + 12 feet + 1; shots: looks + 8
- * feet; 2 crossings. */
+/* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
+ * max_ring; evaluations: N + looks + contacts + rings max_ring + 6 feet + 1; shots: looks + 4 feet;
+ * crossings. To begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);

@@ -681,13 +681,12 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {
     palp_lattice *l = lattice;
     filling f;
-    bool begun = !l->placed;
     *room->count = first;
     palp_lattice_clear(room->table);
-    if (begun && !begin(l, room)) return 0u;
+    if (!l->placed) return begin(l, room) ? PALP_LATTICE_BEGUN : 0u;
     fill(&f, l, room, first);
     l->placed = *room->count > first;
-    if (!l->placed) return begun ? 0u : PALP_LATTICE_MOVED; /* gone, or overtaken */
+    if (!l->placed) return PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = follow(l, room, &f);
     return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

@@ -123,11 +123,13 @@ typedef struct {
 
 #define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */
 #define PALP_LATTICE_MOVED 2u /* the overlap asks for another filling */
+#define PALP_LATTICE_BEGUN 4u /* laid where the tool overlaps, still without points: fill it */
 
 /*
  * Lays the lattice for the tool where it is and puts its points behind the first `first` of the
- * room, in place of those that an earlier filling of this tick left there. Returns flags. Cost: one
- * look at every node around the tool (two where it touched nothing before), and the counts above.
+ * room, in place of those that an earlier filling of this tick left there; where there is no
+ * lattice yet it only begins one. Returns flags. Cost: one look at every node around the tool (two
+ * where it touched nothing before), and the counts above.
  */
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
 

@@ -318,7 +318,7 @@ static void test_answer(const palp_blob *b) {
     CHECK(all_held && h.answer.coarsened == 0, "no stall changes the level");
     for (int i = 0; i < 100; i++) { /* always late: the level gives way */
         h.leap_at = 2;
-        h.leap_ns = 400000;
+        h.leap_ns = 550000;
         (void)tick(&h, above(&h, 0.4f), &r);
     }
     CHECK(r.level < PALP_CONTACT_FINEST && h.answer.coarsened > 0,
