@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # Runs TAP tests side by side, JOBS at a time (as many as there are processors), and adds them up: sh tests/run.sh TEST...
 # Ends with "N passed, N failed, N skipped". The numbers also go to the file $COUNTS; those of the file $BEFORE are counted
-# in. VERBOSE=1 prints everything. Long tests stand first in a list, so that none is left to run alone at the end.
+# in. VERBOSE=1 prints everything. Long tests had better stand first, so that none is left to run alone at the end.
 if [ "$1" = --one ]; then # one test: its numbers go to $SUMS, what it says is printed in one piece
     test=$2
     log=$(mktemp)
@@ -30,7 +30,7 @@ export SUMS
 trap 'rm -f "$SUMS"' EXIT
 before=0
 [ -n "$BEFORE" ] && before=1 && cat "$BEFORE" > "$SUMS"
-printf '%s\n' "$@" | xargs -P "${JOBS:-$(nproc)}" -I TEST sh "$0" --one TEST
+printf '%s\0' "$@" | xargs -0 -P "${JOBS:-$(nproc)}" -I TEST sh "$0" --one TEST
 [ "$(wc -l < "$SUMS")" -eq $(($# + before)) ] || { echo "not ok - some tests left no result"; echo "0 1 0" >> "$SUMS"; }
 sums=$(awk '{p += $1; f += $2; s += $3} END {print p + 0, f + 0, s + 0}' "$SUMS")
 [ -n "$COUNTS" ] && echo "$sums" > "$COUNTS"

@@ -376,7 +376,7 @@ static double largest_jump(const palp_vec3 *f, int count) {
         most = fmax(most, step[k]);
     }
     free(step);
-    return most / ordinary;
+    return ordinary > 0 ? most / ordinary : HUGE_VAL;
 }
 
 /* Presses and slides where contact is hard; the press against all nodes in double. */
@@ -413,8 +413,10 @@ static hard_press press_hard_place(const bench *b, const place *at, double radiu
     const double size = (double)palp_norm(right), along = (double)palp_dot(felt, right);
     hard_press p = {.compared = truth.settled && size > 0, .jump = largest_jump(f, 2 * HARD_TICKS)};
     p.off = fabs((double)palp_norm(felt) / size - 1);
-    p.turned_deg =
-        acos(fmax(fmin(along / (size * (double)palp_norm(felt)), 1), -1)) * 180 / acos(-1.0);
+    p.turned_deg = 180;
+    if (palp_norm(felt) > 0)
+        p.turned_deg =
+            acos(fmax(fmin(along / (size * (double)palp_norm(felt)), 1), -1)) * 180 / acos(-1.0);
     return p;
 }
 

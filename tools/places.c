@@ -4,7 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define BLUNT 0.12       /* mean height of the surroundings over the radius that still is flat */
+#define TIP 0.12         /* depth of the surroundings of a tip, over the radius */
+#define VALLEY 0.03      /* height of those of a valley */
 #define LEAST_PIECE 3u   /* nodes of a region */
 #define CLEAR_OF_FIXED 2 /* radii */
 
@@ -89,9 +90,9 @@ static uint32_t count_regions(const search *s, palp_vec3 at) {
 static bool is_of(const candidate *c, place_kind kind) {
     switch (kind) {
     case PLACE_TIP:
-        return c->height < -BLUNT && c->regions == 1;
+        return c->height < -TIP && c->regions == 1;
     case PLACE_VALLEY:
-        return c->height > BLUNT / 4 && c->regions == 1;
+        return c->height > VALLEY && c->regions == 1;
     default:
         return c->regions >= 2;
     }

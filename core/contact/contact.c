@@ -250,7 +250,8 @@ static void next_tool(palp_contact *c) {
 }
 
 bool palp_contact_may_skip(const palp_contact *contact) {
-    return contact->fillings > 0u && contact->count > contact->first;
+    return contact->fillings > 0u &&
+           (contact->count > contact->first || !(contact->normal_N[contact->filling] > 0.0f));
 }
 
 void palp_contact_skip(palp_contact *contact) { next_tool(contact); }
@@ -294,7 +295,7 @@ bool palp_contact_fill(palp_contact *contact) {
                                     .given = given_for(c, t),
                                     .load = c->far_load,
                                     .far_modes = far_modes(c),
-                                    .share = c->given_share,
+                                    .share = c->normal_N[t] > 0.0f ? c->given_share : 1.0f,
                                     .point = c->point,
                                     .count = &c->count,
                                     .most = c->level.points,
@@ -426,15 +427,19 @@ static palp_given given_to(const palp_contact *c, uint32_t t) {
             h = palp_madd(h, p->at.weight[k], c->node_u_m[c->corner[i][k]]);
         palp_given_add(&sums, p->force_N, palp_sub(p->at.y, c->tool_m[t]), h, p->cell_m);
     }
-    return palp_given_fit(&sums, c->tool_m[t]);
+    palp_given g = palp_given_fit(&sums, c->tool_m[t]);
+    const float size = palp_tool_size(&c->tools[t]);
+    if (!(sums.weight > 0.0f) && c->energy_J > 0.0f) /* other tools press: all is far from them */
+        g.fade = 16.0f / (size * size);
+    return g;
 }
 
 /*
  * How much of what the exact force has beyond - sum lambda m is believed at once. Near its limit
  * most_N it says more of the points than of the body, and may jump from tick to tick as the lattice
- * swings between two regions: there it is followed slowly. It also enters the next tick's solution
- * as it is now, and moves a tool on a soft spring; within a cell of the lattice it may turn round,
- * so where it could move the tool by a cell it is followed slowly as well.
+ * swings between two regions: there it is followed slowly. This force also enters the next tick's
+ * solution as it is now, and moves a tool on a soft spring. Within a cell of the lattice the force
+ * may turn round. So where it could move the tool by a cell, it is followed slowly as well.
  */
 static float response(const palp_contact *c, uint32_t t, float most_N) {
     const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f);

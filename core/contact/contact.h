@@ -144,7 +144,8 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring);
 /* One filling of one lattice (palp_lattice_fill); false when there is none left to do. */
 bool palp_contact_fill(palp_contact *contact);
-/* Whether the next one is a second or third of the same lattice; and to leave that out. */
+/* Whether the present tool's next filling can be left out: it has points, or it carried no force;
+ * and to leave it out. */
 bool palp_contact_may_skip(const palp_contact *contact);
 void palp_contact_skip(palp_contact *contact);
 /* Returns how many contact points there are. Each: 200 and 9 modes. */

@@ -69,9 +69,9 @@ palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
     const uint32_t feet = PALP_LATTICE_FEET(level.points), ring = (uint32_t)cost->ring;
     return (palp_lattice_counts){.fillings = 1u,
                                  .around = nodes + (uint32_t)cost->rows + feet * ring,
-                                 .evaluations = nodes + looks + level.contacts +
+                                 .evaluations = nodes + looks + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
-                                                6u * feet + 1u,
+                                                10u * feet + 1u,
                                  .shots = looks + 4u * feet,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points)};
 }

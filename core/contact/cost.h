@@ -29,7 +29,7 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + looks + contacts + rings max_ring + 6 feet + 1; shots: looks + 4 feet;
+ * max_ring; evaluations: N + looks + wanted + rings max_ring + 10 feet + 1; shots: looks + 4 feet;
  * crossings. To begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);

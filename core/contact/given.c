@@ -4,7 +4,7 @@
 
 #define RIDGE 0.02f /* of the places' spread, added in every direction */
 #define STEEPEST 0.7f
-#define REACH 3.0f /* over the mean distance of the places, and a cell */
+#define REACH 3.0f /* over the RMS distance of the places, and a cell */
 
 static palp_vec3 turned(const palp_given *given, palp_vec3 d) {
     const float *m = given->slope;

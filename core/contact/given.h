@@ -41,7 +41,8 @@ typedef struct {
  * that it stands for. Cost: 32. */
 void palp_given_add(palp_given_sums *sums, float weight, palp_vec3 y, palp_vec3 h, float cell_m);
 /* The field, for places counted from `origin_m`. Slopes that few or straight places leave open are
- * held small. Its reach is three times what the places are apart. Cost: 160. */
+ * held small. Its reach is three times the
+ * places' RMS distance from their mean and a cell. Cost: 160. */
 palp_given palp_given_fit(const palp_given_sums *sums, palp_vec3 origin_m);
 
 #endif

@@ -6,7 +6,8 @@
  *     dQ/dc = Q_c + Q_p dp/dc
  *
  * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, how far behind)
- * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c.
+ * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c. An axis that
+ * follows slowly, between regions apart, is taken to stay.
  *
  * All this is seen from the surface as the body as a whole has given way, by h (given.h), which
  * follows the tool, so only (1 - dh/dc) of the tool's way counts. With the force F along n on a
@@ -90,11 +91,11 @@ static void add_self(const palp_contact *c, const palp_contact_point *p, pull *s
 enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
 
 /* Whether a lattice has that parameter now. */
-static bool is_free(const palp_lattice_state *s, bool central, bool flat, uint32_t parameter) {
-    if (parameter == BACK) return s->back_m > 0.0f;
+static bool is_free(const palp_lattice *l, bool central, bool flat, uint32_t parameter) {
+    if (parameter == BACK) return l->used.back_m > 0.0f;
     if (parameter == SPACING) return true;
     if (parameter >= ORIGIN) return !central;
-    return !flat;
+    return !flat && !l->apart;
 }
 
 /* Of a shot: its origin and its direction; explicit part of log(cell). */
@@ -140,10 +141,11 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     const palp_given *given = &l->used.given;
     palp_vec3 at = palp_sub(c->tool_m[p->tool], given->mean_m);
-    float gone; /* what watched nodes are moved by is left out: it hardly turns the normal */
+    float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
     palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y, &gone));
     z.out = palp_tool_gap(&c->tools[p->tool], at, y).normal;
-    z.out_q = transposed(z.dy_dq, palp_add(z.out, palp_given_turned_back(given, z.out)));
+    z.out_q = transposed(
+        z.dy_dq, palp_add(z.out, palp_scale(1.0f - gone, palp_given_turned_back(given, z.out))));
     z.facing_q = transposed(z.dn_dq, p->direction);
     return z;
 }
@@ -268,9 +270,9 @@ static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_su
     uint32_t perm[PARAMETERS];
     for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, !flat, cells, k, r[k]);
     for (uint32_t e = 0; e < PARAMETERS; e++) {
-        bool follows = is_free(&l->used, central, flat, e);
+        bool follows = is_free(l, central, flat, e);
         for (uint32_t p = 0; p < PARAMETERS; p++) {
-            bool both = follows && is_free(&l->used, central, flat, p);
+            bool both = follows && is_free(l, central, flat, p);
             a[e * PARAMETERS + p] = both ? r[3u + p][e] : (p == e ? 1.0f : 0.0f);
         }
         for (uint32_t k = 0; k < 3u && !follows; k++) r[k][e] = 0.0f;
@@ -317,7 +319,7 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     shot_move shot[MOVES];
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
-    if (i < c->count && p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
+    if (p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
     const palp_vec3 moved = palp_sub(c->tool_m[p->tool], l->used.given.mean_m);
     const palp_vec3 origin = palp_add(moved, l->used.origin_m);
     palp_vec3 off = central ? p->direction : palp_sub(p->at.q, origin);
@@ -332,7 +334,7 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     shot_moves(c, p, shot, tool);
     const bool flat = palp_lattice_is_flat(&c->tools[p->tool]);
     for (uint32_t k = 0; k < MOVES; k++) {
-        if (k >= 3u && !is_free(&l->used, central, flat, k - 3u)) continue;
+        if (k >= 3u && !is_free(l, central, flat, k - 3u)) continue;
         point_move d = move_point(p, &z, central, &shot[k], tool[k]);
         add_to_follow(f, p, off, &d, &shot[k], central, k);
         if (deepest) f->ddeepest[k] = d.overlap;
@@ -353,10 +355,12 @@ static palp_vec3 seen_from_given(const palp_contact *c, uint32_t t, palp_vec3 v)
     const float force = palp_norm(push);
     if (!(force > 0.0f)) return v;
     const palp_vec3 n = palp_scale(1.0f / force, push), h = c->lattice[t].used.given.mean_m;
-    const float along = palp_max(palp_dot(h, n), 0.0f);
+    const float along = palp_dot(h, n);
+    if (!(along > 0.0f)) return v;
     const float local = palp_max(energy / force - 0.5f * along, 0.0f);
-    const float room = along + 5.0f / 3.0f * local;
-    return room > 0.0f ? palp_madd(v, -palp_dot(h, v) / room, n) : v;
+    float room = along + 5.0f / 3.0f * local;
+    if (c->tool_count > 1u) room = palp_max(room, palp_norm(h)); /* others move the body too */
+    return palp_madd(v, -palp_dot(h, v) / room, n);
 }
 
 void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_TOOLS]) {
@@ -367,7 +371,7 @@ void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_T
         for (uint32_t i = 0; i < c->count; i++) {
             if (c->point[i].tool != t) continue;
             add_point(c, i, &f);
-            any = any || (i < c->count && c->point[i].force_N > 0.0f);
+            any = any || c->point[i].force_N > 0.0f;
         }
         if (!any) continue;
         const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};

@@ -3,16 +3,16 @@
 
 #define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
 #define DAMPED 0.4f    /* share of a change that turns back on the last one */
-#define LARGE 0.1f     /* of the largest region, from which a region counts as much */
-#define APART 0.6f     /* lengths of the mean direction between which an axis follows slower */
-#define GATHERED 0.8f  /* and as it is */
+#define LARGE 0.1f     /* weight over the largest region's, at which a region counts half */
+#define APART 0.6f     /* length of the mean direction up to which an axis hardly follows */
+#define GATHERED 0.8f  /* and from which it follows at once */
 #define SLOWEST 0.03f  /* share of a change that it takes up in a filling at least */
 #define SLOWER 0.3f    /* the same of the spacing, over several regions */
 #define COVERS 0.4f    /* share of a pad's face from which a lattice begins to keep to its middle */
 #define COVERED 0.8f   /* and keeps to it */
 #define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
 #define MARGIN 0.6f    /* edges beyond the tool within which nodes lead to regions */
-#define ELSEWHERE 1.2f /* most that the body moves elsewhere, over what it moves at the contact */
+#define ELSEWHERE 1.2f /* most motion elsewhere over that at the contact */
 #define UNSURE 0.05f   /* of what it moves at the contact: how far off that may be */
 #define KEPT 0.25f     /* gap over the size up to which points stay that carried force */
 #define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
@@ -54,10 +54,6 @@ uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j
     uint32_t key = key_of(i, j), slot = slot_of(table, key);
     const bool found = table->key[slot] == key && table->point[slot] != WANTED;
     return found ? table->point[slot] : PALP_LATTICE_MISS;
-}
-
-void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t point) {
-    table->point[slot_of(table, key_of(i, j))] = (uint16_t)point;
 }
 
 /* ---- shots ---- */
@@ -217,10 +213,12 @@ static bool is_known(const filling *f, palp_vec3 y) {
  * is foreseen, so that only a solved contact lets them go. */
 static void want_pressed(const filling *f) {
     const palp_lattice_room *r = f->r;
-    for (uint32_t k = 0; k < r->count_before; k++) {
+    uint32_t left = PALP_LATTICE_WANTED(r->most);
+    for (uint32_t k = 0; k < r->count_before && left > 0u; k++) {
         const palp_contact_point *p = &r->before[k];
         int32_t place[2];
         if (p->tool != r->number || !(p->force_N > 0.0f)) continue;
+        left--;
         r->done->evaluations++; /* it costs less */
         if (!nearest_place(f, p->at.y, place)) continue;
         uint32_t key = key_of(place[0], place[1]), slot = slot_of(r->table, key);
@@ -281,6 +279,7 @@ static palp_vec3 way_to_edges(const filling *f, uint32_t node, palp_vec3 at) {
 static palp_vec3 foot_from(const filling *f, palp_vec3 y, palp_gap gap) {
     float gone;
     if (!f->central) return palp_madd(y, -gap.gap_m, gap.normal);
+    f->r->done->evaluations++; /* half of one */
     return palp_sub(palp_add(f->moved_m, f->r->tool->ball[0].center_m), beside(f, y, &gone));
 }
 
@@ -363,12 +362,12 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
 static void measure_node(filling *f, uint32_t node, float gap_m) {
     if (gap_m < 0.0f) f->area_m2 += f->r->surface->blob->area_m2[node];
     if (gap_m >= f->gap_m && !is_deepest(f, node, gap_m)) return;
-    palp_surface_point p = point_at_node(f->r->surface, node);
+    palp_surface_point p = point_at_node(f->r->surface, node), foot = p;
     float least = gap_m;
-    if (find_foot(f, node, &p)) {
-        least = gap_of(f, p.y).gap_m;
-    } else {
-        p = point_at_node(f->r->surface, node);
+    if (find_foot(f, node, &foot)) {
+        float gap = gap_of(f, foot.y).gap_m;
+        if (gap < least) p = foot;
+        least = palp_min(gap, least);
     }
     if (least >= f->gap_m) return;
     f->gap_m = least;
@@ -463,7 +462,7 @@ static void visit_nodes(filling *f, purpose of) {
                 r->done->around++;
                 if (palp_dot(v, v) > reach * reach) continue;
                 palp_gap gap = gap_of(f, palp_add(c, v));
-                if (gap.gap_m > palp_max(margin, f->far_m)) continue;
+                if (gap.gap_m > f->far_m) continue;
                 if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
                     continue;
                 offer(
@@ -631,9 +630,11 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     palp_vec3 went;
     if (f->central) {
         const palp_vec3 before = l->at.axis, toward = axis_toward(r, f);
+        const float follows = following(palp_norm(toward));
+        l->apart = follows < 1.0f;
         set_axis(l, toward);
         went = palp_scale(1.0f / l->at.spacing, palp_sub(l->at.axis, before));
-        float share = damping(palp_dot(went, l->went)) * following(palp_norm(toward));
+        float share = damping(palp_dot(went, l->went)) * follows;
         set_axis(l, palp_madd(before, share, palp_sub(l->at.axis, before)));
         went = palp_scale(share, went);
         l->at.spacing = palp_min(l->at.spacing * change, 0.8f);

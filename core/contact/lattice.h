@@ -4,20 +4,21 @@
  *
  * A sphere sends its shots from its centre, along the points of a lattice in Lambert's equal-area
  * map about the lattice's axis; every other tool sends them side by side, along the axis. Where a
- * shot enters the surface lies a contact point. Points are kept where the tool overlaps the
- * surface, so they come and go without force. The lattice follows the overlap
+ * shot enters the surface lies a contact point. Points come where the tool overlaps the surface,
+ * and go where it does not and they carried no force. The lattice follows the overlap
  *
  *     axis     sum a_i d_i direction_i, normalised (a sphere); origin sum a_i d_i x_i / sum a_i d_i
- *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,   A = 4/3 (sum a_i d_i)^2 / sum a_i
- * d_i^2
+ *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,
+ *              A = 4/3 (sum a_i d_i)^2 / sum a_i d_i^2
  *
  * (a_i: area of the cell, d_i: overlap), so that about `cells` of the points come to carry force,
- * whatever the size of the contact and however many regions it has.
+ * whatever the size of the contact and however many regions it has. Of several regions the axis
+ * takes the mean of their directions, and follows slowly where they lie on opposite sides.
  *
  * The overlap is that with the surface as the body as a whole has moved it in the last tick
- * (given.h; beyond its reach, where other regions are, by the largest modes), so d_i is what is
- * left for the contact's own neighbourhood. A sphere that is pressed deeper than half of its radius
- * sends its shots from behind its centre, so that they still meet the surface from above.
+ * (given.h; beyond its reach as the watched node nearest by), so d_i is what is left for the
+ * contact's own neighbourhood. A sphere that is pressed deeper than 0.4 of its radius sends its
+ * shots from behind its centre, so that they still meet the surface from above.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
@@ -31,13 +32,14 @@
     0.8660254f                   /* area of a cell over its spacing squared; height of a row       \
                                   */
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
-#define PALP_LATTICE_FILLINGS 3u /* of a tick at most */
+#define PALP_LATTICE_FILLINGS 4u /* of a tick at most, its beginning among them */
 /* What one filling does at most, with room for so many points. */
 #define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
 #define PALP_LATTICE_CROSSINGS(room) (5u * (room) + 180u) /* triangles crossed by all shots */
 #define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
-#define PALP_LATTICE_RINGS(room) ((room) / 4u + 8u) /* nodes compared with all their neighbours */
-#define PALP_LATTICE_FEET(room) ((room) / 16u + 3u) /* nearest points sought, four shots each */
+#define PALP_LATTICE_RINGS(room) ((room) / 4u + 8u)  /* nodes compared with all their neighbours */
+#define PALP_LATTICE_FEET(room) ((room) / 16u + 3u)  /* nearest points sought, four shots each */
+#define PALP_LATTICE_WANTED(room) (3u * (room) / 5u) /* points kept because they carried force */
 #define PALP_LATTICE_WATCHED 4u /* nodes beyond the reach of the contact that are kept in sight */
 #define PALP_LATTICE_FAR_MODES 16u /* which say how the body has moved them */
 
@@ -90,6 +92,7 @@ typedef struct {
     palp_vec3 went;          /* how axis or origin changed in the last filling, over the spacing */
     float grew;              /* and the spacing, less 1 */
     bool placed;
+    bool apart; /* its axis follows slowly, between regions */
     uint32_t watched;
     palp_lattice_watch watch[PALP_LATTICE_WATCHED];
     uint32_t seeds;
@@ -138,8 +141,6 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob);
 
 /* The point at a place of the lattice, or PALP_LATTICE_MISS. */
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j);
-/* Tells the table where the point of a place has gone. */
-void palp_lattice_move(palp_lattice_table *table, int16_t i, int16_t j, uint32_t point);
 void palp_lattice_clear(palp_lattice_table *table);
 
 /* d cell_m / d facing */

@@ -192,8 +192,7 @@ void *loop_run(void *context) {
     servo_loop *l = context;
     uint64_t period_ns = (uint64_t)(1e9 / l->rate_hz), digest = 0;
     subnormals_off();
-    if (!l->in_memory) (void)can_listen(&l->port);
-    if (l->lockstep && !l->in_memory) meet(l);
+    if (!l->in_memory && can_listen(&l->port) && l->lockstep) meet(l);
     uint64_t next = monotonic_ns(NULL), faults = 0;
     for (uint64_t tick = 0; (l->ticks == 0 || tick < l->ticks) && !l->stop; tick++) {
         uint32_t skipped = l->in_memory ? sim_bus_overrun(&l->memory, 1 / l->rate_hz) : 0;

@@ -25,8 +25,8 @@ if command -v dpkg-deb >/dev/null; then
     dpkg-deb -x "$deb" out && out/usr/bin/palp info --device arm3 | grep -q 'bus load' && [ -f out/lib/systemd/system/palpd.service ]
     ok $? "$(basename "$deb") unpacks and runs, with a systemd unit"
     if command -v aarch64-linux-gnu-gcc >/dev/null && command -v qemu-aarch64-static >/dev/null; then
-        (cd "$here" && make -s deb CROSS=aarch64-linux-gnu- BUILD=build/aarch64-linux-gnu) >/dev/null 2>&1
-        deb=$(ls "$here"/build/aarch64-linux-gnu/palp_*_arm64.deb)
+        (cd "$here" && make -s deb CROSS=aarch64-linux-gnu- BUILD="$BUILD/package-arm64") >/dev/null 2>&1
+        deb=$(ls "$here/$BUILD"/package-arm64/palp_*_arm64.deb)
         dpkg-deb -x "$deb" arm && qemu-aarch64-static -L /usr/aarch64-linux-gnu arm/usr/bin/palp info --device arm3 | grep -q 'bus load'
         ok $? "$(basename "$deb") unpacks and runs"
     else

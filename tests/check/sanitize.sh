@@ -5,7 +5,8 @@ cd "$here" || exit 1
 tests="base blob wavelet contact surface zones grasp tets device servo faults"
 make -s -j2 BUILD="$BUILD/sanitized" OPTIMISE=-O2 WARN=-w DDS= \
     INSTRUMENT="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined -DTRIALS=1" \
-    $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 || tail -5 "$work/errors"
+    $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 ||
+    { tail -5 "$work/errors"; ok 1 "the sanitised build"; done_testing; }
 for test in $tests; do
     begun=$(date +%s)
     ASAN_OPTIONS=detect_leaks=0 "$BUILD/sanitized/tests/$test" >"$work/log" 2>&1
