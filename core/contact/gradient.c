@@ -156,7 +156,8 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
     point_move d;
     palp_vec3 aim = palp_madd(shot->from, p->shot_m, shot->direction);
     d.q = palp_madd(aim, -palp_dot(z->facet, aim), p->direction);
-    d.n = central ? (palp_vec3){.x = 0.0f} : times(z->dn_dq, d.q);
+    d.n = (palp_vec3){.x = 0.0f};
+    if (!central) d.n = times(z->dn_dq, d.q);
     float facing = -palp_dot(z->facing_q, d.q) - palp_dot(p->at.n, shot->direction);
     float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
     d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
