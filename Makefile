@@ -80,7 +80,7 @@ $(BUILD)/static/palp-sim: $(BUILD)/sim/palp_sim.o $(STATIC_OBJ) $(LIB)
 	@mkdir -p $(@D)
 	@$(CC) $(INSTRUMENT) -static -pthread $^ -lm -o $@
 
--include $(shell find $(BUILD) \( -path $(BUILD)/vm -o -path $(BUILD)/sanitized \) -prune -o -type f -name '*.d' -print 2>/dev/null)
+-include $(shell find $(BUILD) \( -path $(BUILD)/vm -o -path $(BUILD)/sanitized -o -path $(BUILD)/package-arm64 \) -prune -o -type f -name '*.d' -print 2>/dev/null)
 
 # ---- demo ----
 

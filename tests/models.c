@@ -218,10 +218,10 @@ baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
     return model_bake_tables(m, below, epsilon, raw, half, 0);
 }
 
-lively model_lively(const tetmesh *level, uint32_t levels, double below, double young,
-                    double poisson, double damping_s) {
+dynamic_body model_dynamic_body(const tetmesh *level, uint32_t levels, double below, double young,
+                                double poisson, double damping_s) {
     static const uint8_t sha[32] = {0};
-    lively b = {.levels = levels};
+    dynamic_body b = {.levels = levels};
     uint8_t *pinned[TET_LEVELS] = {NULL};
     uint32_t joined;
     body_spec body = body_defaults;

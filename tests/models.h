@@ -62,9 +62,9 @@ typedef struct {
     palp_tets tets;
     uint8_t *bytes;
     size_t size;
-} lively;
-lively model_lively(const tetmesh *level, uint32_t levels, double below, double young,
-                    double poisson, double damping_s);
+} dynamic_body;
+dynamic_body model_dynamic_body(const tetmesh *level, uint32_t levels, double below, double young,
+                                double poisson, double damping_s);
 /* It at rest, in ticks of tick_s; memory is never released. */
 palp_dyna *model_dyna(const palp_tets *tets, palp_material material, float tick_s,
                       palp_vec3 gravity);

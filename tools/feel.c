@@ -161,10 +161,6 @@ static double roll(bench *b) {
     return (double)(b->seed >> 33) / 2147483648.0;
 }
 
-static palp_vec3 at_node(const float *x, uint32_t node) {
-    return palp_vec3_at(x + 3 * (size_t)node);
-}
-
 /* Free nodes whose neighbourhood of `edges` edges is free as well. */
 static void choose_places(bench *b, double edges) {
     const palp_blob *m = b->blob;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "places.h"
+#include "press.h"
 #include "util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -18,14 +19,10 @@ typedef struct {
 
 typedef struct {
     const palp_blob *blob;
-    double radius, depth;
+    double radius;
     uint32_t *mark; /* [nodes] region of each node within the ball, 0: outside, 1: not yet seen */
     uint32_t *stack;
 } search;
-
-static palp_vec3 at_node(const float *x, uint32_t node) {
-    return palp_vec3_at(x + 3 * (size_t)node);
-}
 
 static double distance(palp_vec3 a, palp_vec3 b) { return (double)palp_norm(palp_sub(a, b)); }
 
@@ -101,8 +98,7 @@ static bool is_of(const candidate *c, place_kind kind) {
 uint32_t places_find(const palp_blob *blob, place_kind kind, double radius, double depth,
                      place *out, uint32_t most) {
     const uint32_t nodes = blob->meta->nodes;
-    search s = {blob, radius, depth, allocate(nodes, sizeof *s.mark),
-                allocate(nodes, sizeof *s.stack)};
+    search s = {blob, radius, allocate(nodes, sizeof *s.mark), allocate(nodes, sizeof *s.stack)};
     candidate *c = allocate(nodes, sizeof *c);
     for (uint32_t i = 0; i < nodes; i++) {
         if (palp_node_is_fixed(blob, i) || !survey(&s, i, &c[i].height)) continue;

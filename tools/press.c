@@ -10,10 +10,6 @@
 #define DEPTH 0.1      /* over the radius */
 #define SETTLE_TICKS 8 /* of a rigid press */
 
-static palp_vec3 at_node(const float *x, uint32_t node) {
-    return palp_vec3_at(x + 3 * (size_t)node);
-}
-
 palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
                          uint32_t level) {
     size_t bytes = palp_contact_memsize(blob, tools, FINEST);

@@ -5,6 +5,11 @@
 
 #include "core/contact/contact.h"
 
+/* A node's entry of a blob's places or normals. */
+static inline palp_vec3 at_node(const float *x, uint32_t node) {
+    return palp_vec3_at(x + 3 * (size_t)node);
+}
+
 /* A contact of so many tools, on `level` of the finest there is. Exits when the body cannot be
  * touched. */
 palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,

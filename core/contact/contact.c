@@ -442,8 +442,8 @@ static palp_given given_to(const palp_contact *c, uint32_t t) {
  * may turn round. So where it could move the tool by a cell, it is followed slowly as well.
  */
 static float response(const palp_contact *c, uint32_t t, float most_N) {
-    const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f), near2 = near * near;
-    const float steady = 1.0f / (1.0f + STEADY * near2 * near2);
+    const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f);
+    const float steady = 1.0f / (1.0f + STEADY * near * near);
     const float k = c->spring[t].stiffness_N_per_m;
     float cell = c->lattice[t].used.spacing;
     if (palp_lattice_is_central(&c->tools[t])) cell *= palp_tool_size(&c->tools[t]);

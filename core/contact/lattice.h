@@ -131,8 +131,8 @@ typedef struct {
 /*
  * Lays the lattice for the tool where it is and puts its points behind the first `first` of the
  * room, in place of those that an earlier filling of this tick left there; where there is no
- * lattice yet it only begins one. Returns flags. Cost: one look at every node around the tool (two
- * where it touched nothing before), and the counts above.
+ * lattice yet it only begins one. Returns flags. Cost: one look at every node around the tool, and
+ * the counts above.
  */
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
 

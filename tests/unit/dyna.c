@@ -98,12 +98,12 @@ static void check_elements(void) {
 
 /* ---- bodies ---- */
 
-static lively make(uint32_t levels, double below, double poisson) {
+static dynamic_body make(uint32_t levels, double below, double poisson) {
     static const double size[3] = {0.08, 0.04, 0.04};
     static const uint32_t n[3][3] = {{3, 2, 2}, {7, 4, 4}, {13, 7, 7}};
     tetmesh level[3];
     for (uint32_t l = 0; l < levels; l++) level[l] = tetmesh_block(size, n[l], l % 2 == 1);
-    return model_lively(level, levels, below, YOUNG, poisson, 0);
+    return model_dynamic_body(level, levels, below, YOUNG, poisson, 0);
 }
 
 static void set(float *at, double x, double y, double z) {
@@ -156,7 +156,7 @@ static void refine_part(palp_dyna *d, float end) {
 }
 
 static void check_patch(void) {
-    lively b = make(3, -1, 0.4);
+    dynamic_body b = make(3, -1, 0.4);
     palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0.4, 0), 1e-3f, no_gravity);
     refine_part(d, 0.045f);
     uint32_t states[3] = {0, 0, 0};
@@ -238,7 +238,7 @@ static void set_spinning(palp_dyna *d, double vibration) {
 }
 
 static void check_momentum(const char *name, bool graded, bool adaptive) {
-    lively b = make(adaptive ? 3 : 2, -1, 0.4);
+    dynamic_body b = make(adaptive ? 3 : 2, -1, 0.4);
     if (graded) { /* one dense node: steps of different classes side by side */
         palp_tet_node *n = (palp_tet_node *)(uintptr_t)b.tets.node;
         for (uint32_t i = 0; i < b.tets.meta->first_node[1]; i += 3) n[i].volume_m3 *= 0.1f;
@@ -297,7 +297,7 @@ static double energy_now(palp_dyna *d) {
 }
 
 static void check_energy(const char *name, bool adaptive) {
-    lively b = make(3, -1, 0.4);
+    dynamic_body b = make(3, -1, 0.4);
     palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0.4, 0), 5e-4f, no_gravity);
     if (adaptive) refine_part(d, 0.045f);
     set_spinning(d, 0.3);
@@ -335,7 +335,7 @@ static void check_bar(void) {
     for (uint32_t fine = 0; fine < 2; fine++) {
         const uint32_t n[3] = {8u << fine, 2u << fine, 2u << fine};
         tetmesh level = tetmesh_block(size, n, false);
-        lively b = model_lively(&level, 1, 1e-9, YOUNG, 0, 0);
+        dynamic_body b = model_dynamic_body(&level, 1, 1e-9, YOUNG, 0, 0);
         float tick = 2.5e-4f;
         palp_dyna *d = model_dyna(&b.tets, material(YOUNG, 0, 0.02), tick, (palp_vec3){1, 0, 0});
         for (int k = 0; k < 8000; k++) palp_dyna_tick(d, 7);
@@ -370,7 +370,7 @@ static void check_bar(void) {
 /* ---- steps beyond the limit, inversion ---- */
 
 static void check_filter(void) {
-    lively b = make(2, 1e-9, 0.45);
+    dynamic_body b = make(2, 1e-9, 0.45);
     palp_dyna *d = model_dyna(&b.tets, material(1e6, 0.45, 0), 1e-3f, (palp_vec3){0, 0, -9.81f});
     double own = HUGE_VAL;
     for (uint32_t i = 0; i < d->active_count; i++)
@@ -406,7 +406,7 @@ static double least_det(const palp_dyna *d) {
 }
 
 static void check_inversion(const char *name, double young, double poisson, int how) {
-    lively b = make(2, how == 0 ? -1 : 1e-9, poisson);
+    dynamic_body b = make(2, how == 0 ? -1 : 1e-9, poisson);
     palp_dyna *d = model_dyna(&b.tets, material(young, poisson, 0.01), 1e-3f, no_gravity);
     uint64_t seed = 3;
     for (uint32_t i = 0; i < d->active_count; i++) {
@@ -435,7 +435,7 @@ static void check_inversion(const char *name, double young, double poisson, int 
 /* ---- adaptivity ---- */
 
 static void check_adapt(void) {
-    lively b = make(3, 1e-9, 0.4);
+    dynamic_body b = make(3, 1e-9, 0.4);
     palp_material m = material(YOUNG, 0.4, 0.002);
     m.drag_per_s = 4;
     palp_dyna *d = model_dyna(&b.tets, m, 1e-3f, no_gravity);

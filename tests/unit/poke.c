@@ -25,8 +25,8 @@ static mesh ellipsoid(uint32_t splits, size_t turn) {
 }
 
 /* It pinned where x is at most `below`. */
-static lively make_pinned(const uint32_t *nodes, uint32_t levels, double young, double poisson,
-                          double damping_s, double below) {
+static dynamic_body make_pinned(const uint32_t *nodes, uint32_t levels, double young,
+                                double poisson, double damping_s, double below) {
     mesh m = ellipsoid(4, 0);
     bvh *on = bvh_build(&m);
     tetmesh level[TET_LEVELS];
@@ -36,11 +36,11 @@ static lively make_pinned(const uint32_t *nodes, uint32_t levels, double young, 
     }
     bvh_free(on);
     mesh_free(&m);
-    return model_lively(level, levels, below, young, poisson, damping_s);
+    return model_dynamic_body(level, levels, below, young, poisson, damping_s);
 }
 
-static lively make(const uint32_t *nodes, uint32_t levels, double young, double poisson,
-                   double damping_s) {
+static dynamic_body make(const uint32_t *nodes, uint32_t levels, double young, double poisson,
+                         double damping_s) {
     return make_pinned(nodes, levels, young, poisson, damping_s, -0.045);
 }
 
@@ -55,7 +55,7 @@ typedef struct {
 } poked;
 
 /* ns_per_operation 0.5: a budget of 0.8 ms holds 1.6 million operations. */
-static poked *open_poked(const lively *b, float radius, palp_material material,
+static poked *open_poked(const dynamic_body *b, float radius, palp_material material,
                          float ns_per_operation, bool uniform, palp_vec3 at) {
     poked *p = allocate(1, sizeof *p);
     p->tool = palp_tool_sphere(radius);
@@ -87,7 +87,7 @@ static void set_speed(poked *p, float ns_per_instruction) {
 
 static void compare(void) {
     static const uint32_t nodes[3] = {90, 500, 2800};
-    lively b = make(nodes, 3, 5e3, 0.4, 5e-4);
+    dynamic_body b = make(nodes, 3, 5e3, 0.4, 5e-4);
     const poke p = {.radius_m = 0.01f,
                     .place_m = {0.025f, 0, 0.0228f},
                     .normal = {0, 0, 1},
@@ -109,7 +109,7 @@ static void compare(void) {
 /* A ball presses slowly: what it takes over its path is what is stored. */
 static void check_force(void) {
     static const uint32_t nodes[1] = {900};
-    lively b = make(nodes, 1, 5e3, 0.4, 0);
+    dynamic_body b = make(nodes, 1, 5e3, 0.4, 0);
     palp_material m = palp_material_of(5e3f, 0.4f, 1000.0f, 1e-3f, 40.0f);
     palp_vec3 at = {-0.02f, 0, 0.036f}, force = {0, 0, 0};
     poked *p = open_poked(&b, 0.01f, m, 1e-6f, true, at);
@@ -152,7 +152,7 @@ static void check_against_elastostatic(void) {
     const double young = (double)b.blob.meta->young_Pa, poisson = (double)b.blob.meta->poisson;
     press_close(c);
     for (size_t k = 0; k < 2; k++) {
-        lively body = make_pinned(&nodes[k], 1, young, poisson, 0, -0.02);
+        dynamic_body body = make_pinned(&nodes[k], 1, young, poisson, 0, -0.02);
         palp_material m = palp_material_of((float)young, (float)poisson, 1000.0f, 1e-3f, 40.0f);
         palp_vec3 at = {0, 0, top + radius + 0.001f}, force = {0, 0, 0};
         poked *p = open_poked(&body, radius, m, 1e-6f, true, at);
@@ -192,7 +192,7 @@ static void check_violence(double lambda, double mu, int ticks) {
     static const uint32_t nodes[3] = {40, 160, 640};
     double young = mu * (3 * lambda + 2 * mu) / (lambda + mu),
            poisson = lambda / (2 * (lambda + mu));
-    lively b = make(nodes, 3, young, poisson, 0);
+    dynamic_body b = make(nodes, 3, young, poisson, 0);
     palp_material m = {(float)lambda, (float)mu, 0, 0, 1000, 1};
     m.phi_Pa_s = 1e-4f * m.lambda_Pa;
     m.psi_Pa_s = 1e-4f * m.mu_Pa;

@@ -49,7 +49,7 @@ static void check_box(void) {
 }
 
 /* Every weight reproduces places of rest, unless it was drawn in. */
-static void check_hierarchy(const lively *b) {
+static void check_hierarchy(const dynamic_body *b) {
     const palp_tets *t = &b->tets;
     const palp_tets_meta *m = t->meta;
     double worst = 0, mean = 0;
@@ -118,7 +118,7 @@ static void use(const palp_tets *t) {
     free(d);
 }
 
-static void check_hostile(const lively *b) {
+static void check_hostile(const dynamic_body *b) {
     static const uint32_t words[] = {0,   1,     2,          3,          4,          47,
                                      255, 65535, 0x7fffffff, 0x80000000, 0xffffffff, 0x7f7fffff};
     uint64_t seed = 1;
@@ -154,7 +154,7 @@ int main(void) {
     static const uint32_t n[3][3] = {{2, 2, 2}, {4, 4, 4}, {7, 7, 7}};
     tetmesh level[3];
     for (int l = 0; l < 3; l++) level[l] = tetmesh_block(size, n[l], l == 1);
-    lively b = model_lively(level, 3, 1e-9, 1e4, 0.4, 0);
+    dynamic_body b = model_dynamic_body(level, 3, 1e-9, 1e4, 0.4, 0);
     check_stuffing();
     check_box();
     check_hierarchy(&b);
