@@ -45,7 +45,7 @@ int main(int argc, char **argv) {
     static const double size[3] = {0.1, 0.06, 0.06};
     static const uint32_t n[3] = {14, 8, 8};
     tetmesh level = tetmesh_block(size, n, true);
-    lively b = model_lively(&level, 1, 1e-9, 2e3, 0.4, 0);
+    dynamic_body b = model_dynamic_body(&level, 1, 1e-9, 2e3, 0.4, 0);
     double unused = 0, stream = read_all(&b.tets, &unused);
     printf("%" PRIu32 " tetrahedra, %" PRIu32
            " nodes; reading the elements (64 bytes each) %.2f ns "
