@@ -19,11 +19,12 @@
  *           field, display surface
  *   zone/   multizone models: postures, seams, the posed model as contact sees it
  *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands
- * on blob alone) surface/ one body's surface: its points, and how it gives way between them
- *   contact/ tools, contact points that travel with them, contact with its exact gradient, friction
+ *           on blob alone)
+ *   surface/ the surface of a body or a zone: its points, and how it gives way between them
+ *   contact/ tools, contact points that travel with them, contact with its exact gradient, zones
+ *           before zones, friction; imposed motion on dynamic bodies
  *   haptic/ virtual coupling that foresees
- *   touch/  contact at nodes of multizone models and dynamic skins, friction, virtual coupling,
- * imposed motion device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
+ *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
  *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
  * bounded tick of a dynamic body
  *
@@ -47,7 +48,6 @@
 #include "core/green/detail.h"
 #include "core/green/field.h"
 #include "core/servo/answer.h"
-#include "core/servo/bounded.h"
 #include "core/servo/dynamic.h"
 #include "core/servo/servo.h"
 #include "core/zone/assembly.h"

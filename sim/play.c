@@ -2,7 +2,8 @@
 /* palp play: a multizone model follows a scene, a new posture each tick, in bounded time. */
 #include "core/dyna/dyna.h"
 #include "core/green/field.h"
-#include "core/servo/bounded.h"
+#include "core/contact/loads.h"
+#include "core/servo/answer.h"
 #include "play.h"
 #include "scene.h"
 #include "sim/view.h"
@@ -26,7 +27,7 @@ static const char help[] =
     "oscillates.\n"
     "Every tick is answered within a budget.\n"
     "  --budget-us B           share of each period for the tick (default: 80 %)\n"
-    "  --ns-per-operation N    cost table (default 0.5, of dynamic bodies 0.15)\n"
+    "  --ns-per-operation N    cost table (default 0.25, of dynamic bodies 0.15)\n"
     "  --clock work|wall       work: by operations counted, the same everywhere (default);\n"
     "                          wall: this machine's clock\n"
     "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
@@ -95,10 +96,11 @@ static void set_option(void *context, const argument *a) {
 
 /* ---- the run ---- */
 
+#define MOST_LOADS 1024u /* of a zone, for the picture */
+
 typedef struct {
     double t_s, value[PALP_MAX_JOINTS], wall_us, budget_us_used;
-    palp_moving_report moving;
-    palp_bounded_report answer;
+    palp_answer_report answer;
     palp_vec3 force_N[SCENE_TRACKS], tool_m[SCENE_TRACKS];
 } play_tick;
 
@@ -107,7 +109,7 @@ typedef struct {
     scene s;
     palp_zones *z;
     palp_assembly *a;
-    palp_bounded *b;
+    palp_answer *b;
     palp_tool tool[SCENE_TRACKS];
     uint32_t tools, which[SCENE_TRACKS]; /* track of each tool */
     uint64_t begun_ns, begun_work;
@@ -120,7 +122,7 @@ typedef struct {
 static uint64_t now_ns(void *context) {
     const player *p = context;
     if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
-    double work = (double)(palp_bounded_work(p->b) - p->begun_work);
+    double work = (double)(palp_answer_work(p->b) - p->begun_work);
     return p->begun_ns + (uint64_t)(work * p->spec->ns_per_operation);
 }
 
@@ -142,20 +144,19 @@ static void open_player(player *p) {
     scene_tools(&p->s, p->tool, p->which, &p->tools);
     double period_us = 1e6 / p->s.rate_hz;
     double budget = play_budget_us(s, p->s.rate_hz);
-    palp_bounded_config config = {
-        .assembly = p->a,
-        .pairs = !s->alone,
-        .tools = p->tool,
-        .tool_count = p->tools,
-        .limits = {.max_candidates = 40, .max_active = 24, .max_new = 4, .max_pivots = 12},
-        .cost = {.target = &palp_target_counted,
-                 .ns_per_instruction = (float)s->ns_per_operation,
-                 .margin = (float)(budget / period_us)},
-        .port = {.now_ns = now_ns, .context = p},
-        .dt_s = (float)(1 / p->s.rate_hz)};
-    bytes = palp_bounded_memsize(p->z, s->finest, config.limits);
+    palp_answer_config config = {.assembly = p->a,
+                                 .pairs = !s->alone,
+                                 .tools = p->tool,
+                                 .tool_count = p->tools,
+                                 .finest = PALP_CONTACT_FINEST,
+                                 .cost = {.target = &palp_target_counted,
+                                          .ns_per_instruction = (float)s->ns_per_operation,
+                                          .margin = (float)(budget / period_us)},
+                                 .port = {.now_ns = now_ns, .context = p},
+                                 .dt_s = (float)(1 / p->s.rate_hz)};
+    bytes = palp_answer_memsize_zones(p->a, config.pairs, p->tools, config.finest);
     float bound_ns = 0;
-    status = palp_bounded_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
+    status = palp_answer_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
         die(EXIT_WORK,
             "the least answer may take %.0f us, the budget is %.0f us: a longer --budget-us, a "
@@ -163,7 +164,7 @@ static void open_player(player *p) {
             (double)bound_ns * 1e-3, budget);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
     for (uint32_t t = 0; t < p->tools; t++)
-        p->b->coupling.spring[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
+        p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
 }
 
 static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
@@ -176,8 +177,8 @@ static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
 
 /* The deformed surface in the world, and how far each node is displaced. */
 static void take_picture(player *p) {
-    const palp_node_contact *c = &p->b->contact;
-    palp_node_contact_load(c, p->a);
+    palp_contact *c = &p->b->contact;
+    palp_contact_load(c);
     const float *total = palp_assembly_total(p->a);
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {
         const palp_blob *b = &p->z->blob[i];
@@ -185,13 +186,11 @@ static void take_picture(player *p) {
         palp_field field;
         void *memory = allocate_aligned(bytes, 1);
         (void)palp_field_init(&field, b, memory, bytes);
-        palp_load *load = allocate(c->limits.max_active, sizeof *load);
+        palp_load load[MOST_LOADS];
         uint32_t loads = 0;
-        for (uint32_t k = 0; k < c->active_count; k++) {
-            const palp_candidate *q = &c->candidate[c->active[k]];
-            if (q->body == i)
-                load[loads++] = (palp_load){{q->level, q->slot}, palp_scale(-q->force_N, q->d)};
-        }
+        for (uint32_t k = 0; k < c->patches; k++)
+            loads =
+                palp_contact_loads(c, k, i, (palp_vec3){0.0f, 0.0f, 0.0f}, load, loads, MOST_LOADS);
         palp_field_update(&field, load, loads);
         const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
         float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
@@ -201,32 +200,17 @@ static void take_picture(player *p) {
             p->heat[i] = allocate(nodes, sizeof(float));
         }
         for (uint32_t n = 0; n < nodes; n++) {
-            palp_vec3 u = {0.0f, 0.0f, 0.0f};
-            uint32_t slot = palp_node_slot(b, n);
+            palp_vec3 u = palp_zone_follow(p->z, p->spec->finest, i, n, modes);
             if (!palp_node_is_fixed(b, n))
-                u = palp_add(palp_vec3_at(local + PALP_FIELD_LANES * (size_t)slot),
-                             palp_zone_follow(p->z, p->spec->finest, i, slot, modes));
+                u = palp_add(u,
+                             palp_vec3_at(local + PALP_FIELD_LANES * (size_t)palp_node_slot(b, n)));
             p->heat[i][n] = palp_norm(u);
             palp_vec3 x =
                 palp_carry(&p->a->world[i], palp_add(palp_vec3_at(b->rest_m + 3 * (size_t)n), u));
             const float at[3] = {x.x, x.y, x.z};
             memcpy(p->place[i] + 3 * (size_t)n, at, sizeof at);
         }
-        for (uint32_t k = 0; k < p->z->part[i].seams; k++) { /* seam nodes by their modes */
-            uint32_t s = p->z->part[i].seam[k];
-            const palp_seam_entry *e = &p->z->seam[s];
-            for (uint32_t n = 0; n < e->nodes; n++) {
-                palp_vec3 u = palp_zone_at_seam(p->z, i, k, n, modes);
-                uint32_t node = p->z->seam_node[s][2 * n + (e->zone[0] == i ? 0 : 1)];
-                palp_vec3 x = palp_carry(&p->a->world[i],
-                                         palp_add(palp_vec3_at(b->rest_m + 3 * (size_t)node), u));
-                const float at[3] = {x.x, x.y, x.z};
-                memcpy(p->place[i] + 3 * (size_t)node, at, sizeof at);
-                p->heat[i][node] = palp_norm(u);
-            }
-        }
         free(modes);
-        free(load);
         free(memory);
     }
 }
@@ -241,8 +225,8 @@ static void run(player *p) {
     for (size_t i = 0; i < p->ticks; i++) {
         play_tick *k = &p->tick[i];
         float value[PALP_MAX_JOINTS];
-        palp_vec3 at[PALP_MAX_TOOLS];
-        palp_node_coupling_result result[PALP_MAX_TOOLS];
+        palp_vec3 at[PALP_CONTACT_TOOLS];
+        palp_coupling_result result[PALP_CONTACT_TOOLS];
         k->t_s = (double)i / p->s.rate_hz;
         for (uint32_t j = 0; j < p->z->meta->joints; j++) {
             double x[3];
@@ -252,14 +236,13 @@ static void run(player *p) {
         }
         where_tools_are(p, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
-        p->begun_work = palp_bounded_work(p->b);
+        p->begun_work = palp_answer_work(p->b);
         double start = now_s();
         uint64_t start_ns = now_ns(p);
-        palp_bounded_pose(p->b, value, &rest);
-        palp_bounded_tick(p->b, start_ns, at, result, &k->answer);
+        palp_answer_pose(p->b, value, &rest);
+        palp_answer_tick(p->b, start_ns, at, result, &k->answer);
         k->budget_us_used = (double)(now_ns(p) - start_ns) * 1e-3;
         k->wall_us = (now_s() - start) * 1e6;
-        k->moving = p->b->moving;
         check_closures(p->spec->scene, p->z, p->a->posture);
         double pressed = 0;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++) {
@@ -271,7 +254,7 @@ static void run(player *p) {
             most = pressed;
             p->strongest = i;
         }
-        palp_bounded_spare(p->b);
+        palp_answer_spare(p->b);
         if (p->strongest == i) take_picture(p);
     }
 }
@@ -298,9 +281,9 @@ static void summary(FILE *f, const player *p) {
     size_t at[PALP_SEAM_LEVELS + 1] = {0}, aborted = 0, renewed = 0, active = 0;
     for (size_t i = 0; i < p->ticks; i++) {
         const play_tick *k = &p->tick[i];
-        at[k->moving.level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : k->moving.level]++;
-        aborted += k->moving.aborted;
-        renewed += k->moving.renewed;
+        at[k->answer.moving.level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : k->answer.moving.level]++;
+        aborted += k->answer.moving.aborted;
+        renewed += k->answer.moving.renewed;
         if (k->answer.active > active) active = k->answer.active;
         for (int t = 0; t < SCENE_TRACKS; t++)
             force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
@@ -321,7 +304,7 @@ static void summary(FILE *f, const player *p) {
     fprintf(f, " ticks; factors made %zu, levels given up %zu\n", renewed, aborted);
     fprintf(
         f,
-        "contact               at most %zu nodes; largest force %.3g N on the object, %.3g N on "
+        "contact               at most %zu points; largest force %.3g N on the object, %.3g N on "
         "the probe\n",
         active, force[SCENE_OBJECT], force[SCENE_PROBE]);
 }
@@ -330,21 +313,20 @@ static void write_csv(const player *p, const char *path) {
     output out = open_output(path);
     fputs("t_s", out.file);
     for (uint32_t j = 0; j < p->z->meta->joints; j++) fprintf(out.file, ",%s", p->z->joint[j].name);
-    fputs(
-        ",level,aborted,renewed,candidates,active,object_fx,object_fy,object_fz,probe_fx,probe_fy,"
-        "probe_fz,tick_us,wall_us\n",
-        out.file);
+    fputs(",level,aborted,renewed,points,active,object_fx,object_fy,object_fz,probe_fx,probe_fy,"
+          "probe_fz,tick_us,wall_us\n",
+          out.file);
     for (size_t i = 0; i < p->ticks; i++) {
         const play_tick *k = &p->tick[i];
         fprintf(out.file, "%.9g", k->t_s);
         for (uint32_t j = 0; j < p->z->meta->joints; j++) fprintf(out.file, ",%.9g", k->value[j]);
-        if (k->moving.level == PALP_DIAGONAL) {
+        if (k->answer.moving.level == PALP_DIAGONAL) {
             fputs(",diagonal", out.file);
         } else {
-            fprintf(out.file, ",%" PRIu32, k->moving.level);
+            fprintf(out.file, ",%" PRIu32, k->answer.moving.level);
         }
-        fprintf(out.file, ",%" PRIu32 ",%d,%" PRIu32 ",%" PRIu32, k->moving.aborted,
-                k->moving.renewed ? 1 : 0, k->answer.candidates, k->answer.active);
+        fprintf(out.file, ",%" PRIu32 ",%d,%" PRIu32 ",%" PRIu32, k->answer.moving.aborted,
+                k->answer.moving.renewed ? 1 : 0, k->answer.points, k->answer.active);
         for (int t = 0; t < SCENE_TRACKS; t++)
             fprintf(out.file, ",%.9g,%.9g,%.9g", (double)k->force_N[t].x, (double)k->force_N[t].y,
                     (double)k->force_N[t].z);
@@ -386,7 +368,7 @@ static const char *force_name(const player *p, uint32_t t) {
 }
 static double level_value(const play_tick *k, uint32_t unused) {
     (void)unused;
-    return k->moving.level == PALP_DIAGONAL ? -1 : (double)k->moving.level;
+    return k->answer.moving.level == PALP_DIAGONAL ? -1 : (double)k->answer.moving.level;
 }
 static const char *level_name(const player *p, uint32_t unused) {
     (void)p;
@@ -406,7 +388,7 @@ static double active_value(const play_tick *k, uint32_t unused) {
 static const char *active_name(const player *p, uint32_t unused) {
     (void)p;
     (void)unused;
-    return "nodes in contact";
+    return "points in contact";
 }
 
 static void write_report(const player *p, const char *path) {
@@ -439,7 +421,7 @@ static void write_report(const player *p, const char *path) {
     draw(f, p, "Joint values", "rad or m", joint_value, p->z->meta->joints, joint_name);
     draw(f, p, "Force", "N", force_value, SCENE_TRACKS, force_name);
     draw(f, p, "Level of the seams", "level", level_value, 1, level_name);
-    draw(f, p, "Contact", "nodes", active_value, 1, active_name);
+    draw(f, p, "Contact", "points", active_value, 1, active_name);
     draw(f, p, "Time of a tick", "us", time_value, 2, time_name);
     fputs("</body></html>\n", f);
     commit_output(&out);
@@ -475,7 +457,7 @@ static void check_options(play_spec *s, bool dynamic) {
         die(EXIT_USAGE, "--no-pairs is for multizone models; %s is a dynamic body", s->blob);
     if (!dynamic && s->finest >= PALP_SEAM_LEVELS)
         die(EXIT_USAGE, "--finest: seams have the levels 0 to %u", PALP_SEAM_LEVELS - 1);
-    if (!(s->ns_per_operation > 0)) s->ns_per_operation = dynamic ? 0.15 : 0.5;
+    if (!(s->ns_per_operation > 0)) s->ns_per_operation = dynamic ? 0.15 : 0.25;
     s->most_class = s->finest_given ? s->finest : PALP_STEP_CLASSES - 1;
 }
 

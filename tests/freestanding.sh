@@ -8,11 +8,11 @@ bad=$(grep -nwE 'double|malloc|calloc|realloc|free|printf|goto' core/*.h core/*/
 [ -z "$bad" ]; ok $? "no double, no allocation, no printing $bad"
 bad=$(grep -nE '#include "' core/*.h core/*/*.[ch] | grep -vE '"(core/|[a-z0-9_]+\.h)')
 [ -z "$bad" ]; ok $? "core includes nothing outside core $bad"
-order="base blob green zone surface contact haptic touch servo"
+order="base blob green zone dyna surface contact haptic servo"
 bad=""
-for layer in base blob green zone surface contact haptic touch device; do
+for layer in base blob green zone dyna surface contact haptic device; do
     for above in $(echo "$order" | sed "s/.*$layer//"); do
-        [ "$layer" = device ] && above="blob green zone surface contact haptic touch servo"
+        [ "$layer" = device ] && above="blob green zone dyna surface contact haptic servo"
         for a in $above; do bad="$bad$(grep -ln "\"core/$a/" core/$layer/*.[ch])"; done
     done
 done

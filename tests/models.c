@@ -155,7 +155,8 @@ zoned model_zones(const mesh *body, const char *lines, double epsilon) {
     args_parse_text("model", lines, options, take_line, &s);
     build_options build = {.wavelet = {.kind = WAVELET_LINEAR, .lifted = true},
                            .compress = {.epsilon = epsilon},
-                           .table_bytes = 64e6};
+                           .table_bytes = 64e6,
+                           .modes = BUILD_MODES};
     snprintf(path, sizeof path, "%s/zone.obj", folder);
     r.bytes = zone_bake(&s.z, &s.body, &build, "model", path, NULL, &r.size);
     if (palp_zones_open(r.zones, r.bytes, r.size) != PALP_OK) die(EXIT_WORK, "zones do not open");

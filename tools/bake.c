@@ -273,7 +273,9 @@ static int bake_zones(bake_spec *s, output *out, double start) {
     FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
     build_options build = {.wavelet = s->wavelet,
                            .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
-                           .table_bytes = (s->table_given ? s->table_mb : 64) * 1e6};
+                           .table_bytes = (s->table_given ? s->table_mb : 64) * 1e6,
+                           .modes = s->modes,
+                           .presses = BUILD_PRESSES};
     if (s->raw || s->detail != NULL || s->level_chosen)
         die(EXIT_USAGE, "--reciprocity raw, --detail and --constraint-level are for one zone only");
     size_t size;

@@ -219,8 +219,7 @@ static regular_data build_regular(builder *b, double (*normal)[3], const palp_me
     const regular_body body = {.m = b->content.m,
                                .area = b->area,
                                .normal = normal,
-                               .young_Pa = (double)meta->young_Pa,
-                               .poisson = (double)meta->poisson,
+                               .material = {(double)meta->young_Pa, (double)meta->poisson},
                                .h = &b->d->h,
                                .level = b->level};
     if (b->o->modes == 0 || b->o->raw || b->g->scalar) return (regular_data){.modes = 0};
@@ -298,7 +297,8 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     stiffness_range(&b, normal, out_meta);
     built out = {.bytes = NULL};
     float *softening = NULL;
-    regular_data regular = build_regular(&b, normal, out_meta);
+    regular_data regular =
+        options->regular != NULL ? *options->regular : build_regular(&b, normal, out_meta);
     b.content.regular = regular.modes > 0 ? &regular : NULL;
     out.left_over = regular.left_over;
     palp_blob blob = reopen(&b, &out);
@@ -313,7 +313,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         b.content.level_error = measure_levels(&blob, options->presses, &out, level_error);
     (void)reopen(&b, &out);
     free(softening);
-    regular_free(&regular);
+    if (options->regular == NULL) regular_free(&regular);
     for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++)
         columns_free(&b.columns[k / PALP_DOMAINS][k % PALP_DOMAINS]);
     for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) {

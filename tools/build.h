@@ -7,17 +7,19 @@
 #include "blobwrite.h"
 #include "greens.h"
 #include "press.h"
+#include "regular.h"
 
 typedef struct {
     wavelet wavelet;
     compress_options compress;
-    double table_bytes;        /* most that the dense tables of all levels may take together */
-    bool raw;                  /* reciprocity not enforced */
-    bool loads_only;           /* no columns of fixed nodes */
-    const detail_data *detail; /* display surface; NULL: none */
-    uint32_t constraint_level; /* finest level whose columns are stored */
-    uint32_t modes;            /* of the regular part, for contact; 0: none */
-    uint32_t presses;          /* places at which the levels of contact are measured; 0: not */
+    double table_bytes;          /* most that the dense tables of all levels may take together */
+    bool raw;                    /* reciprocity not enforced */
+    bool loads_only;             /* no columns of fixed nodes */
+    const detail_data *detail;   /* display surface; NULL: none */
+    uint32_t constraint_level;   /* finest level whose columns are stored */
+    uint32_t modes;              /* of the regular part, for contact; 0: none */
+    const regular_data *regular; /* made already; NULL: it is to be made */
+    uint32_t presses;            /* places at which the levels of contact are measured; 0: not */
 } build_options;
 
 #define BUILD_PRESSES 24u

@@ -3,6 +3,8 @@
 #ifndef PALP_TOOLS_CALIBRATE_H
 #define PALP_TOOLS_CALIBRATE_H
 
+#include "core/contact/tool.h"
+#include "core/blob/blob.h"
 #include "machine.h"
 
 /*

@@ -199,8 +199,8 @@ static double curvature(const palp_blob *b, uint32_t node) {
 /* n . H n at a point: what the body as a whole gives way by. */
 static double regular_compliance(const palp_contact *c, const palp_surface_point *p) {
     float row[PALP_MAX_MODES];
-    const palp_regular *g = &c->surface.blob->regular;
-    palp_surface_modes(&c->surface, p, p->n, g->modes, row, 1);
+    const palp_regular *g = &c->surface->blob->regular;
+    palp_surface_modes(c->surface, p, p->n, g->modes, row, 1);
     double sum = 0;
     for (uint32_t a = 0; a < g->modes; a++) sum += (double)(g->value[a] * row[a] * row[a]);
     return sum;

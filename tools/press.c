@@ -23,7 +23,7 @@ palp_contact *press_open(const palp_blob *blob, const palp_tool *tool, uint32_t 
 }
 
 void press_close(palp_contact *c) {
-    free(c->point < c->before ? c->point : c->before); /* the first of its memory */
+    free(c->surface); /* the first of its memory */
     free(c);
 }
 
@@ -34,11 +34,11 @@ void press_hold(palp_contact *c, palp_vec3 at, int ticks) {
 
 bool press_point(const palp_contact *c, palp_vec3 from, palp_vec3 n, palp_surface_point *p) {
     uint32_t crossings = 64;
-    return palp_surface_shoot(&c->surface, from, palp_scale(-1.0f, n), &crossings, p);
+    return palp_surface_shoot(c->surface, from, palp_scale(-1.0f, n), &crossings, p);
 }
 
 palp_surface_point press_start(const palp_contact *c, uint32_t node) {
-    const palp_blob *b = c->surface.blob;
+    const palp_blob *b = c->surface->blob;
     palp_surface_point p = {.triangle = b->regular.triangle[node]};
     palp_vec3 x = at_node(b->rest_m, node), n = at_node(b->normal, node);
     p.y = x;

@@ -101,7 +101,7 @@ static void add_kernel(double block[9], double weight, const double r[3], const 
 
 /* Over one triangle of the star of l; the apex of Duffy's map lies at k where k is a corner. */
 static void add_triangle(const regular_stars *s, const uint32_t *t, uint32_t k, uint32_t l,
-                         const double n[3], double block[9]) {
+                         const double n[3], double nu, double block[9]) {
     const mesh *m = s->body->m;
     size_t apex = 0, hat = 0;
     for (size_t c = 0; c < 3; c++) {
@@ -124,23 +124,24 @@ static void add_triangle(const regular_stars *s, const uint32_t *t, uint32_t k, 
             r[a] = m->x[k][a];
             for (size_t c = 0; c < 3; c++) r[a] -= corner[c] * m->x[t[c]][a];
         }
-        add_kernel(block, w * corner[hat] / s->star_area[l], r, n, s->body->poisson);
+        add_kernel(block, w * corner[hat] / s->star_area[l], r, n, nu);
     }
 }
 
-void regular_half_space(const regular_stars *s, uint32_t k, uint32_t l, double block[9]) {
+void regular_half_space(const regular_stars *s, regular_material material, uint32_t k, uint32_t l,
+                        double block[9]) {
     const regular_body *b = s->body;
     double r[3], n[3];
     v_sub(b->m->x[k], b->m->x[l], r);
     for (int a = 0; a < 3; a++) n[a] = 0.5 * (b->normal[k][a] + b->normal[l][a]);
     memset(block, 0, 9 * sizeof *block);
     if (v_norm(r) > NEAR_EDGES * fmax(s->edge[k], s->edge[l])) {
-        add_kernel(block, 1, r, n, b->poisson);
+        add_kernel(block, 1, r, n, material.poisson);
     } else {
         for (uint32_t i = s->offset[l]; i < s->offset[l + 1]; i++)
-            add_triangle(s, b->m->t[s->triangle[i]], k, l, n, block);
+            add_triangle(s, b->m->t[s->triangle[i]], k, l, n, material.poisson, block);
     }
-    double factor = (1 + b->poisson) / (acos(-1.0) * b->young_Pa);
+    double factor = (1 + material.poisson) / (acos(-1.0) * material.young_Pa);
     for (int e = 0; e < 9; e++) block[e] *= factor;
 }
 
@@ -161,8 +162,8 @@ static void subtract_rows(void *context, size_t slot) {
     double *row = allocate(9 * (size_t)d->slots, sizeof *row);
     for (uint32_t j = 0; j < d->slots; j++) {
         double there[9], back[9];
-        regular_half_space(s->stars, k, d->node[j], there);
-        regular_half_space(s->stars, d->node[j], k, back);
+        regular_half_space(s->stars, s->body->material, k, d->node[j], there);
+        regular_half_space(s->stars, s->body->material, d->node[j], k, back);
         for (size_t e = 0; e < 9; e++)
             row[e / 3 * 3 * d->slots + 3 * j + e % 3] =
                 0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
@@ -236,25 +237,31 @@ static void prolong(const palp_domain *d, uint32_t level, size_t count, double *
     }
 }
 
-/* Rounds the modes to 16 bits each, with the unit of each mode in its eigenvalue. */
-static void store(regular_data *r, const regular_body *b, const double *u, size_t count,
-                  const double *value) {
-    const palp_domain *d = &b->h->domain;
+/* Rounds the modes at node[nodes] to 16 bits each, with the unit of each mode in its eigenvalue. */
+static void store(regular_data *r, uint32_t vertices, const uint32_t *node, size_t nodes,
+                  const double *u, size_t count, const double *value) {
     r->value = allocate(r->modes, sizeof *r->value);
-    r->vector = allocate(3 * (size_t)b->m->vertices * r->modes, sizeof *r->vector);
+    r->vector = allocate(3 * (size_t)vertices * r->modes, sizeof *r->vector);
     for (size_t a = 0; a < r->modes && a < count; a++) {
         double most = 0;
-        for (size_t i = 0; i < 3 * (size_t)d->slots; i++) most = fmax(most, fabs(u[i * count + a]));
+        for (size_t i = 0; i < 3 * nodes; i++) most = fmax(most, fabs(u[i * count + a]));
         if (!(most > 0)) continue;
         r->value[a] = (float)(value[a] * most * most);
-        for (size_t s = 0; s < d->slots; s++) {
+        for (size_t s = 0; s < nodes; s++) {
             for (size_t k = 0; k < 3; k++) {
                 double unit = u[(3 * s + k) * count + a] / most;
-                r->vector[(3 * (size_t)d->node[s] + k) * r->modes + a] =
+                r->vector[(3 * (size_t)node[s] + k) * r->modes + a] =
                     (int16_t)lrint(unit * (double)PALP_MODE_UNIT);
             }
         }
     }
+}
+
+/* How many modes are stored; returns how many are sought. */
+static size_t choose_modes(regular_data *r, size_t n, uint32_t modes) {
+    size_t rounded = (n + PALP_MODE_LANES - 1) / PALP_MODE_LANES * PALP_MODE_LANES;
+    r->modes = modes < rounded ? modes : (uint32_t)rounded;
+    return modes + SPARE_MODES < n ? modes + SPARE_MODES : n;
 }
 
 regular_data regular_build(const regular_body *body, double *x, uint32_t modes) {
@@ -265,9 +272,7 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
     for (uint32_t t = 0; t < body->m->triangles; t++) {
         for (int k = 0; k < 3; k++) r.triangle[body->m->t[t][k]] = t;
     }
-    size_t count = modes + SPARE_MODES < n ? modes + SPARE_MODES : n;
-    size_t rounded = (n + PALP_MODE_LANES - 1) / PALP_MODE_LANES * PALP_MODE_LANES;
-    r.modes = modes < rounded ? modes : (uint32_t)rounded;
+    size_t count = choose_modes(&r, n, modes);
     progress_begin("regular part", (double)d->slots + ITERATIONS * (double)n);
     subtraction s = {.body = body, .stars = regular_stars_build(body), .x = x, .width = n};
     double *g = hierarchy_compliance(body->h, body->level, x, n);
@@ -298,12 +303,92 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
     for (size_t a = 0; a < r.modes && a < count; a++) left2 -= value[a] * value[a];
     r.left_over = sqrt(fmax(left2, 0) / norm2);
     prolong(d, body->level, count, u);
-    store(&r, body, u, count, value);
+    store(&r, body->m->vertices, d->node, d->slots, u, count, value);
     progress_end();
     regular_stars_free((regular_stars *)(uintptr_t)s.stars);
     void *owned[] = {root, h, value, y, u};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return r;
+}
+
+/* ---- given nodes ---- */
+
+typedef struct {
+    const regular_nodes *nodes;
+    const regular_stars *stars;
+    const double *root;
+    double *g;
+} node_subtraction;
+
+/* Mean of what a half-space gives way by, and of Poisson's ratios. */
+static regular_material mean_of(regular_material a, regular_material b) {
+    if (!(fabs(a.young_Pa - b.young_Pa) > 0) && !(fabs(a.poisson - b.poisson) > 0)) return a;
+    double nu = 0.5 * (a.poisson + b.poisson);
+    double soft = 0.5 * ((1 + a.poisson) / a.young_Pa + (1 + b.poisson) / b.young_Pa);
+    return (regular_material){(1 + nu) / soft, nu};
+}
+
+/* Takes the half-space's away from the three rows of a node, weighted by areas. */
+static void subtract_from_node(void *context, size_t i) {
+    const node_subtraction *s = context;
+    const regular_nodes *p = s->nodes;
+    const size_t n = 3 * (size_t)p->nodes;
+    for (size_t j = 0; j < p->nodes; j++) {
+        const regular_material between = mean_of(p->material[i], p->material[j]);
+        double there[9], back[9];
+        regular_half_space(s->stars, between, p->node[i], p->node[j], there);
+        regular_half_space(s->stars, between, p->node[j], p->node[i], back);
+        for (size_t e = 0; e < 9; e++) {
+            double *at = s->g + (3 * i + e / 3) * n + 3 * j + e % 3;
+            *at = (*at - 0.5 * (there[e] + back[3 * (e % 3) + e / 3])) * s->root[i] * s->root[j];
+        }
+    }
+    progress_add(1);
+}
+
+regular_data regular_build_nodes(const regular_body *body, const regular_nodes *nodes, double *g,
+                                 uint32_t modes) {
+    const size_t n = 3 * (size_t)nodes->nodes;
+    regular_data r = {.modes = 0};
+    size_t count = choose_modes(&r, n, modes);
+    progress_begin("regular part", (double)nodes->nodes + ITERATIONS * (double)n);
+    double *root = allocate(nodes->nodes, sizeof *root), mean = 0, norm2 = 0, left2 = 0;
+    for (uint32_t i = 0; i < nodes->nodes; i++) mean += body->area[nodes->node[i]] / nodes->nodes;
+    for (uint32_t i = 0; i < nodes->nodes; i++) root[i] = sqrt(body->area[nodes->node[i]] / mean);
+    for (size_t i = 0; i < n * n; i++) {
+        double w = g[i] * root[i / n / 3] * root[i % n / 3];
+        norm2 += w * w;
+    }
+    regular_stars *stars = regular_stars_build(body);
+    const node_subtraction s = {nodes, stars, root, g};
+    parallel_for(nodes->nodes, subtract_from_node, (void *)(uintptr_t)&s);
+    for (size_t i = 0; i < n * n; i++) left2 += g[i] * g[i];
+    double *value = allocate(count, sizeof *value), *u = largest_modes(g, n, count, value);
+    for (size_t i = 0; i < n * count; i++) u[i] /= root[i / count / 3];
+    for (size_t a = 0; a < r.modes && a < count; a++) left2 -= value[a] * value[a];
+    r.left_over = sqrt(fmax(left2, 0) / norm2);
+    store(&r, body->m->vertices, nodes->node, nodes->nodes, u, count, value);
+    progress_end();
+    regular_stars_free(stars);
+    void *owned[] = {root, value, u};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
+    return r;
+}
+
+void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner) {
+    r->across = regular_across(m);
+    r->triangle = allocate(m->vertices, sizeof *r->triangle);
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        for (size_t k = 0; k < 3; k++) {
+            uint32_t *across = &r->across[3 * (size_t)t + k];
+            if (inner[t] != 0 || inner[*across] != 0) *across = t;
+        }
+    }
+    for (int pass = 1; pass >= 0; pass--) { /* outer ones last, so that they are kept */
+        for (uint32_t t = 0; t < m->triangles; t++) {
+            for (int k = 0; k < 3 && inner[t] == pass; k++) r->triangle[m->t[t][k]] = t;
+        }
+    }
 }
 
 void regular_free(regular_data *r) {

@@ -26,10 +26,14 @@ typedef struct {
 } regular_data;
 
 typedef struct {
+    double young_Pa, poisson;
+} regular_material;
+
+typedef struct {
     const mesh *m;
     const double *area;
     double (*normal)[3];
-    double young_Pa, poisson;
+    regular_material material;
     const hierarchy *h;
     uint32_t level; /* of the columns */
 } regular_body;
@@ -40,13 +44,31 @@ typedef struct {
  * any number of threads.
  */
 regular_data regular_build(const regular_body *body, double *x, uint32_t modes);
+
+/*
+ * The same of a body whose compliance is given at some of its nodes: `g`, [3 nodes][3 nodes],
+ * symmetric, destroyed. Materials may differ from node to node; B is that of the mean of both. Of
+ * the body there are needed m, area and normal. Without `across` and `triangle`.
+ */
+typedef struct {
+    const uint32_t *node; /* [nodes] in the body's mesh */
+    uint32_t nodes;
+    const regular_material *material; /* [nodes] */
+} regular_nodes;
+regular_data regular_build_nodes(const regular_body *body, const regular_nodes *nodes, double *g,
+                                 uint32_t modes);
+
+/* across and triangle of a zone's mesh, whose triangles inner[t] != 0 are not to be touched. */
+void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner);
+
 void regular_free(regular_data *r);
 
 /* The block B of nodes k and l, row-major, by quadrature over the star of l where it is near. */
 typedef struct regular_stars regular_stars;
 regular_stars *regular_stars_build(const regular_body *body);
 void regular_stars_free(regular_stars *s);
-void regular_half_space(const regular_stars *s, uint32_t k, uint32_t l, double block[9]);
+void regular_half_space(const regular_stars *s, regular_material material, uint32_t k, uint32_t l,
+                        double block[9]);
 
 /* across[triangles][3]: the triangle beyond the edge that faces each corner; to be freed. */
 uint32_t *regular_across(const mesh *m);

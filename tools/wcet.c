@@ -5,7 +5,7 @@
 #include "hunt.h"
 #include "machine.h"
 #include "util.h"
-#include "core/servo/bounded.h"
+#include "core/servo/answer.h"
 #include "wcet.h"
 #include <inttypes.h>
 #include <math.h>
@@ -26,10 +26,7 @@ static const char help[] =
     "  --rate HZ         default 1000\n"
     "  --target          x86-64, x86-64-avx2, cortex-a53, cortex-m7, or a file of palp calibrate;\n"
     "                    default: what this program was built for\n"
-    "  --limits          of multizone models: candidates, contacts, new candidates a tick, pivots "
-    "a "
-    "solve\n"
-    "                    (96 48 4 12)\n"
+    "  --limits          of contact at nodes, before version 0.4: left aside, contact has levels\n"
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
     "  --margin SHARE    of the period that belongs to the tick (default 0.8)\n"
@@ -57,12 +54,11 @@ static void set_option(void *context, const argument *a) {
         s->target = a->value[0];
     } else if (strcmp(a->option, "--limits") == 0) {
         s->limited = true;
-        s->limits.max_candidates = arg_u32(a, 0, 1, PALP_MAX_CANDIDATES);
-        s->limits.max_active = arg_u32(a, 1, 1, s->limits.max_candidates);
-        s->limits.max_new = arg_u32(a, 2, 1, s->limits.max_candidates);
-        s->limits.max_pivots = arg_u32(a, 3, 1, 1000);
+        (void)arg_u32(a, 1, 1, arg_u32(a, 0, 1, 1000000));
+        (void)arg_u32(a, 2, 1, 1000000);
+        (void)arg_u32(a, 3, 1, 1000000);
     } else if (strcmp(a->option, "--friction") == 0) {
-        s->limits.friction = true;
+        s->friction = true;
     } else if (strcmp(a->option, "--tool") == 0) {
         s->tool = (wcet_tool)arg_word(a, tools);
     } else if (strcmp(a->option, "--margin") == 0) {
@@ -140,35 +136,49 @@ static float tick(const palp_contact_cost *c, const body_level *l) {
     return servo(c) + palp_answer_cost_full(c, l->number);
 }
 
-static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
+/* Contact on each level, in instructions and bytes; what seams add to an answer that is always in
+ * time, and to a whole tick. The last row is the least answer. */
+static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost at_least[2],
+                         const double always[2], const double seams[2], wcet_table *t) {
     static const struct {
         const char *step;
         body_bound of;
     } steps[] = {{"fill", fill},       {"points", points}, {"assemble", assemble},
                  {"iterate", iterate}, {"finish", finish}, {"always", least},
                  {"tick", tick}};
+    for (uint32_t n = 0; n <= PALP_CONTACT_FINEST; n++) {
+        const palp_contact_level level = palp_contact_cost_level(&c[0], n);
+        const body_level l = {level, n};
+        char counts[64];
+        snprintf(counts, sizeof counts, "%u points, %u in contact, %u modes", level.points,
+                 level.contacts, level.modes);
+        for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+            double sum[2];
+            for (int k = 0; k < 2; k++) {
+                sum[k] = (double)steps[i].of(steps[i].of == least ? &at_least[k] : &c[k], &l);
+                if (steps[i].of == least) sum[k] += always[k];
+                if (steps[i].of == tick) sum[k] += seams[k];
+            }
+            add(t, steps[i].step, counts, (int)n, (int)n, sum[0], sum[1]);
+        }
+    }
+    const body_level coarsest = {.number = 0};
+    add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
+        (double)least(&at_least[0], &coarsest) + always[0],
+        (double)least(&at_least[1], &coarsest) + always[1]);
+}
+
+static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
+    static const double none[2] = {0, 0};
     if (palp_blob_has(blob, PALP_META_SCALAR))
         die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
     if (blob->meta->modes == 0)
         die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
     palp_tool tool = tool_of(s, 2 * blob->meta->mean_edge_m);
-    tool.friction = s->limits.friction ? 0.3f : 0.0f;
-    const palp_contact_cost instructions =
-                                palp_contact_cost_of(blob, &tool, 1, &m->target.instructions),
-                            bytes = palp_contact_cost_of(blob, &tool, 1, &palp_bytes_touched);
-    for (uint32_t n = 0; n <= PALP_CONTACT_FINEST; n++) {
-        const palp_contact_level level = palp_contact_level_of(n, instructions.modes);
-        const body_level l = {level, n};
-        char counts[64];
-        snprintf(counts, sizeof counts, "%u points, %u in contact, %u modes", level.points,
-                 level.contacts, level.modes);
-        for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++)
-            add(t, steps[i].step, counts, (int)n, (int)n, (double)steps[i].of(&instructions, &l),
-                (double)steps[i].of(&bytes, &l));
-    }
-    const body_level coarsest = {.number = 0};
-    add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
-        (double)least(&instructions, &coarsest), (double)least(&bytes, &coarsest));
+    tool.friction = s->friction ? 0.3f : 0.0f;
+    const palp_contact_cost c[2] = {palp_contact_cost_of(blob, &tool, 1, &m->target.instructions),
+                                    palp_contact_cost_of(blob, &tool, 1, &palp_bytes_touched)};
+    bound_levels(c, c, none, none, t);
     t->ram_bytes = palp_servo_memsize(blob, PALP_CONTACT_FINEST);
     t->stack_bytes = PALP_SERVO_STACK;
 }
@@ -187,37 +197,42 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
     size_t room = palp_assembly_memsize(&z, finest);
     status = palp_assembly_init(&a, &z, finest, allocate_aligned(room, 1), room);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
-    palp_tool tool = tool_of(s, 2 * z.blob[0].meta->mean_edge_m);
-    palp_touch_cost c[2];
-    for (int k = 0; k < 2; k++)
-        c[k] = palp_touch_cost_of_zones(&z, finest, true, s->limits, &tool, 1, price[k]);
-    double least[2] = {0, 0};
-    for (uint32_t i = 0; i <= PALP_SEAM_LEVELS; i++) { /* the approximation first */
-        uint32_t level = i == 0 ? PALP_DIAGONAL : i - 1u;
-        double factor[2], after[2], settle[2], follow[2];
-        for (int k = 0; k < 2; k++) {
-            float unknowns = 0;
-            for (uint32_t q = 0; q < z.meta->seams; q++)
-                unknowns += 3.0f * (float)palp_seam_modes(&a.seams, q, level);
-            float solve = palp_seams_cost_solve(&a.seams, price[k], level);
-            factor[k] = (double)palp_seams_cost_factor(&a.seams, price[k], level);
-            settle[k] = (double)palp_assembly_cost_settle(&a, price[k], level);
-            follow[k] = (double)palp_cost_follow(&c[k], s->limits.max_candidates,
-                                                 s->limits.max_active, unknowns, solve);
-            after[k] = 2 * settle[k] + 2 * (double)solve + follow[k];
-            if (i == 0) least[k] = factor[k] + after[k];
-        }
-        int shown = (int)i - 1; /* -1: the approximation */
-        add(t, "factor", "all seams", shown, shown, factor[0], factor[1]);
-        add(t, "settle", "all seams", shown, shown, settle[0], settle[1]);
-        add(t, "follow", "all candidates", shown, shown, follow[0], follow[1]);
-        add(t, "tick", "all that the limits allow", shown, shown,
-            factor[0] + 2 * settle[0] + follow[0] + (double)palp_cost_full(&c[0], 0),
-            factor[1] + 2 * settle[1] + follow[1] + (double)palp_cost_full(&c[1], 0));
+    for (uint32_t i = 0; i < z.meta->zones; i++) {
+        if (z.blob[i].meta->modes == 0)
+            die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
     }
-    add(t, "least", "approximate seams, least answer", -1, -1,
-        least[0] + (double)palp_cost_least(&c[0]), least[1] + (double)palp_cost_least(&c[1]));
-    t->ram_bytes = room + palp_bounded_memsize(&z, finest, s->limits);
+    palp_tool tool = tool_of(s, 2 * z.blob[0].meta->mean_edge_m);
+    tool.friction = s->friction ? 0.3f : 0.0f;
+    palp_contact contact = {.assembly = &a, .pairs = true};
+    palp_contact_cost c[2], at_least[2]; /* on the finest seams; on approximate ones */
+    palp_moving moving[2];
+    for (int k = 0; k < 2; k++) {
+        c[k] = palp_contact_cost_of_zones(&a, true, &tool, 1, price[k]);
+        palp_moving_init(&moving[k], &contact, price[k], 1.0f, 0.0f,
+                         palp_contact_cost_level(&c[k], PALP_CONTACT_FINEST).contacts);
+        const palp_seam_cost *q = &moving[k].seam_cost[PALP_SEAM_LEVELS];
+        at_least[k] = c[k];
+        at_least[k].unknowns = q->unknowns;
+        at_least[k].solve = q->solve;
+        at_least[k].forward = q->forward;
+    }
+    for (uint32_t i = 0; i <= PALP_SEAM_LEVELS; i++) { /* the approximation first */
+        const uint32_t at = i == 0 ? PALP_SEAM_LEVELS : i - 1u;
+        const palp_seam_cost *one = &moving[0].seam_cost[at], *two = &moving[1].seam_cost[at];
+        add(t, "factor", "all seams", (int)i - 1, (int)i - 1, (double)one->factor,
+            (double)two->factor);
+        add(t, "settle", "all seams", (int)i - 1, (int)i - 1, (double)one->settle,
+            (double)two->settle);
+    }
+    double always[2] = {(double)palp_moving_least(&moving[0]),
+                        (double)palp_moving_least(&moving[1])};
+    double seams[2];
+    for (int k = 0; k < 2; k++) {
+        const palp_seam_cost *q = &moving[k].seam_cost[finest];
+        seams[k] = (double)(q->factor + 2.0f * q->settle + 2.0f * q->solve + moving[k].load_ns);
+    }
+    bound_levels(c, at_least, always, seams, t);
+    t->ram_bytes = room + palp_answer_memsize_zones(&a, true, 1, PALP_CONTACT_FINEST);
     t->stack_bytes = PALP_SERVO_STACK;
 }
 
@@ -355,7 +370,7 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
 }
 
 int command_wcet(int argc, char **argv) {
-    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .limits = PALP_NODE_CONTACT_DEFAULTS};
+    wcet_spec s = {.rate_hz = 1000, .margin = 0.8};
     machine m;
     wcet_table t = {.rows = 0};
     args_parse(argc, argv, options, help, set_option, &s);
@@ -373,14 +388,13 @@ int command_wcet(int argc, char **argv) {
     bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
     if ((zones || tets) && (s.hunt_s > 0 || s.replay != NULL))
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
-    if (zones && s.limits.friction) die(EXIT_USAGE, "--friction: not offered on multizone models");
+    if (s.limited) warn("--limits: left aside: contact has levels instead");
     if (zones) {
         bound_zones(&s, &m, data, bytes, &t);
     } else if (tets) {
         bound_tets(&s, &m, data, bytes, &t);
     } else {
         palp_blob blob = open_blob(s.blob, data, bytes);
-        if (s.limited) warn("--limits: left aside: contact with one body has levels instead");
         if (s.replay != NULL) return wcet_replay(&s, &m, &blob);
         bound_body(&s, &m, &blob, &t);
         if (s.hunt_s > 0) wcet_hunt(&s, &m, &blob);

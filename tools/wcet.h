@@ -10,10 +10,8 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 typedef struct {
     const char *blob, *target, *keep, *replay;
     double rate_hz, margin, hunt_s;
-    palp_node_contact_limits limits; /* of multizone models; friction: of all */
-    bool limited;                    /* they were given */
     wcet_tool tool;
-    bool json;
+    bool friction, limited, json; /* limited: --limits was given */
 } wcet_spec;
 
 typedef struct {

@@ -51,10 +51,10 @@ static hunter *make_hunter(const wcet_spec *s, const machine *m, const palp_blob
                            hunting *state) {
     hunter *h = allocate(1, sizeof *h);
     palp_tool ball = palp_tool_sphere(6.5f * blob->meta->mean_edge_m); /* the largest there is */
-    ball.friction = s->limits.friction ? 0.3f : 0.0f;
+    ball.friction = s->friction ? 0.3f : 0.0f;
     *h = (hunter){.blob = blob,
                   .level = PALP_CONTACT_FINEST,
-                  .friction = s->limits.friction,
+                  .friction = s->friction,
                   .port = {.now_ns = clock_ns},
                   .bytes = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST),
                   .told = told,

@@ -5,11 +5,13 @@
 #include "seam.h"
 #include "sha256.h"
 #include "util.h"
+#include "zonerest.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#define ZONE_MODES 32u               /* of the regular part, for each zone beyond the first */
 #define LIFT (1.01 * DEFINITE_FLOOR) /* of the diagonal, so that rigid motions pass as definite */
 
 typedef struct {
@@ -18,6 +20,9 @@ typedef struct {
     uint32_t bones;        /* held nodes that no seam holds */
     uint32_t seams, list[PALP_MAX_ZONE_SEAMS], first[PALP_MAX_ZONE_SEAMS], modes;
     float *stiffness, *follow, *reaction, *weight;
+    uint32_t *seam_of; /* [vertices] PALP_NONE: on none */
+    greens g;
+    domains dom;
     built blob;
     double raised; /* change that kept the stiffness from rewarding any displacement */
 } zone_data;
@@ -256,6 +261,8 @@ static uint32_t loose_zone(const zone_bakery *b) {
 static void hold_seams(zone_bakery *b, uint32_t i) {
     zone_data *d = &b->zone[i];
     d->seam = allocate(d->m.vertices, 1);
+    d->seam_of = allocate(d->m.vertices, sizeof *d->seam_of);
+    for (uint32_t v = 0; v < d->m.vertices; v++) d->seam_of[v] = PALP_NONE;
     for (uint32_t s = 0; s < b->seams; s++) {
         for (int side = 0; side < 2; side++) {
             if (b->seam[s].zone[side] != i) continue;
@@ -271,6 +278,7 @@ static void hold_seams(zone_bakery *b, uint32_t i) {
                     die(EXIT_WORK, "%s: node %" PRIu32 " of zone '%s' lies on two seams", b->path,
                         node, b->z->zone[i].name);
                 d->seam[node] = 1;
+                d->seam_of[node] = s;
             }
         }
     }
@@ -391,30 +399,97 @@ static void condense(zone_bakery *b, uint32_t i, const greens *g, const domains 
     free(row);
 }
 
-static void bake_zone(zone_bakery *b, uint32_t i, const build_options *options) {
+/* The Green's functions of one zone, and what its seams need of them. */
+static void solve_one(zone_bakery *b, uint32_t i, const build_options *options) {
     zone_data *d = &b->zone[i];
     const body_spec *body = &b->z->zone[i].body;
     double *area = allocate(d->m.vertices, sizeof *area);
     double(*normal)[3] = allocate(d->m.vertices, sizeof *normal);
     mesh_nodal(&d->m, area, normal);
-    build_options build = *options;
-    build.loads_only = true;
-    domains dom = domains_build(&d->m, d->fixed, area, build.wavelet);
-    build.constraint_level = dom.domain[PALP_FREE].view.levels - 1;
+    d->dom = domains_build(&d->m, d->fixed, area, options->wavelet);
     body_require_memory(body, &d->m, d->m.vertices, false);
     body_spec crisp = *body;
     crisp.crisp = true;
-    greens g = body_greens(&crisp, &d->m, d->fixed, &dom, build.constraint_level, false);
+    d->g = body_greens(&crisp, &d->m, d->fixed, &d->dom, d->dom.domain[PALP_FREE].view.levels - 1,
+                       false);
+    condense(b, i, &d->g, &d->dom);
+    free(area);
+    free(normal);
+}
+
+static rest_model model_at_rest(const zone_bakery *b) {
+    rest_model r = {.zones = b->z->zones,
+                    .seams = b->seams,
+                    .seam = b->seam,
+                    .entry = b->entry,
+                    .mode = b->mode};
+    for (uint32_t i = 0; i < r.zones; i++) {
+        const zone_data *d = &b->zone[i];
+        const body_spec *body = &b->z->zone[i].body;
+        r.zone[i] = (rest_zone){.m = &d->m,
+                                .seam_of = d->seam_of,
+                                .g = &d->g,
+                                .dom = &d->dom,
+                                .stiffness = d->stiffness,
+                                .follow = d->follow,
+                                .seams = d->seams,
+                                .modes = d->modes,
+                                .material = {body->young_Pa, body->poisson}};
+        memcpy(r.zone[i].list, d->list, sizeof d->list);
+        memcpy(r.zone[i].first, d->first, sizeof d->first);
+    }
+    return r;
+}
+
+/* The blob of one zone; nodes at its seams have the normals of the whole model's surface. */
+static void pack_zone(zone_bakery *b, uint32_t i, const rest_surface *surface,
+                      const regular_data *regular, const build_options *options) {
+    zone_data *d = &b->zone[i];
+    const body_spec *body = &b->z->zone[i].body;
+    double *area = allocate(d->m.vertices, sizeof *area);
+    double(*normal)[3] = allocate(d->m.vertices, sizeof *normal);
+    mesh_nodal(&d->m, area, normal);
+    for (uint32_t v = 0; v < d->m.vertices; v++) {
+        if (surface->vertex[i][v] != PALP_NONE)
+            memcpy(normal[v], surface->normal[surface->vertex[i][v]], sizeof normal[v]);
+    }
+    build_options build = *options;
+    build.loads_only = true;
+    build.constraint_level = d->dom.domain[PALP_FREE].view.levels - 1;
+    build.regular = regular;
     palp_meta meta = {.young_Pa = (float)body->young_Pa,
                       .poisson = (float)body->poisson,
                       .density_kg_m3 = (float)body->density};
     sha256((const char *)d->m.x, d->m.vertices * sizeof *d->m.x, meta.mesh_sha256);
-    condense(b, i, &g, &dom);
-    d->blob = blob_build(&d->m, &g, &dom, area, normal, meta, &build);
-    free(g.m);
-    domains_free(&dom);
+    d->blob = blob_build(&d->m, &d->g, &d->dom, area, normal, meta, &build);
     free(area);
     free(normal);
+}
+
+static void bake_zones(zone_bakery *b, const build_options *options) {
+    for (uint32_t i = 0; i < b->z->zones; i++) {
+        fprintf(stderr, "zone '%s' (%" PRIu32 " of %" PRIu32 ")\n", b->z->zone[i].name, i + 1,
+                b->z->zones);
+        solve_one(b, i, options);
+    }
+    rest_model rest = model_at_rest(b);
+    rest_surface surface = rest_surface_build(&rest);
+    regular_data common = {.modes = 0};
+    if (options->modes > 0) {
+        uint32_t modes = options->modes + ZONE_MODES * (b->z->zones - 1);
+        common = rest_regular(&rest, &surface, modes < PALP_MAX_MODES ? modes : PALP_MAX_MODES);
+    }
+    for (uint32_t i = 0; i < b->z->zones; i++) {
+        regular_data regular = rest_share(&rest, &surface, &common, i);
+        pack_zone(b, i, &surface, &regular, options);
+        regular_free(&regular);
+    }
+    for (uint32_t i = 0; i < b->z->zones; i++) {
+        free(b->zone[i].g.m);
+        domains_free(&b->zone[i].dom);
+    }
+    rest_surface_free(&surface, b->z->zones);
+    regular_free(&common);
 }
 
 /* ---- the file ---- */
@@ -533,6 +608,12 @@ static void report(FILE *f, const zone_bakery *b, size_t size) {
         for (uint32_t l = 0; l < PALP_SEAM_LEVELS; l++) fprintf(f, " %" PRIu32, e->level_modes[l]);
         fprintf(f, "\n");
     }
+    const built *one = &b->zone[0].blob;
+    if (one->meta.modes > 0)
+        fprintf(f,
+                "regular part          %" PRIu32
+                " modes for all zones, %.2g of the compliance left over\n",
+                one->meta.modes, one->left_over);
     if (b->snapped > 0)
         fprintf(f, "cuts                  vertices moved onto them by at most %.3g m\n",
                 b->snapped);
@@ -597,11 +678,7 @@ uint8_t *zone_bake(zone_model *z, const body_spec *common, const build_options *
             path, z->zone[loose].name);
     }
     if (save_mesh != NULL) save_meshes(b, save_mesh);
-    for (uint32_t i = 0; i < z->zones; i++) {
-        fprintf(stderr, "zone '%s' (%" PRIu32 " of %" PRIu32 ")\n", z->zone[i].name, i + 1,
-                z->zones);
-        bake_zone(b, i, options);
-    }
+    bake_zones(b, options);
     uint8_t *out = write_model(b, bytes);
     try_out(b, out, *bytes);
     if (f != NULL) report(f, b, *bytes);

@@ -208,12 +208,14 @@ static void seam_loads(problem *p, bool bent, float *r) {
         memset(r, 0, 3 * (size_t)p->q->modes * sizeof *r);
     }
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {
-        const palp_blob *b = &p->z->blob[i];
-        for (uint32_t n = 0; n < b->meta->nodes; n++) {
+        float *felt = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *felt);
+        for (uint32_t n = 0; n < p->z->blob[i].meta->nodes; n++) {
             palp_vec3 force = palp_vec3_at(p->load[i] + 3 * (size_t)n);
             if (palp_dot(force, force) > 0.0f)
-                palp_seams_load(p->q, &p->posture, p->level, i, palp_node_slot(b, n), force, r);
+                palp_zone_feel(p->z, PALP_SEAM_LEVELS - 1, i, n, 1.0f, force, felt);
         }
+        palp_seams_load(p->q, &p->posture, p->level, i, felt, r);
+        free(felt);
     }
 }
 
@@ -234,7 +236,7 @@ static void displacements(problem *p, bool bent, const float *w, double *out) {
         const scalar_condition *c = &p->condition[k];
         palp_vec3 u = palp_vec3_at(p->u[c->zone] + 3 * (size_t)c->node);
         u = palp_add(
-            u, palp_zone_follow(p->z, PALP_SEAM_LEVELS - 1, c->zone, c->slot, modes[c->zone]));
+            u, palp_zone_follow(p->z, PALP_SEAM_LEVELS - 1, c->zone, c->node, modes[c->zone]));
         out[k] = (double)palp_dot(c->direction, u);
     }
     for (uint32_t i = 0; i < p->z->meta->zones; i++) free(modes[i]);
@@ -312,8 +314,9 @@ static void add_seams(problem *p, uint32_t zone, const float *w) {
         const palp_seam_entry *e = &z->seam[s];
         uint32_t side = e->zone[0] == zone ? 0 : 1;
         for (uint32_t i = 0; i < e->nodes; i++) {
-            palp_vec3 v = palp_zone_at_seam(z, zone, k, i, m);
-            float *to = p->u[zone] + 3 * (size_t)z->seam_node[s][2 * i + side];
+            const uint32_t node = z->seam_node[s][2 * i + side];
+            palp_vec3 v = palp_zone_follow(z, PALP_SEAM_LEVELS - 1, zone, node, m);
+            float *to = p->u[zone] + 3 * (size_t)node;
             to[0] = v.x;
             to[1] = v.y;
             to[2] = v.z;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What work costs. The bound of every operation is a sum of named counts (candidates, nodes in
+ * What work costs. The bound of every operation is a sum of named counts (points, nodes in
  * contact, elements due ...) times what one of each kind of work costs: the `cost` headers beside
  * the operations give the sums, and these prices the rest. The same sums are instructions on a
  * target, bytes touched, or nanoseconds, by the prices that they are given (servo/target.h).
@@ -13,23 +13,7 @@
     X(BALL, "ball", "one ball of a tool evaluated at a node")                                      \
     X(PAD, "pad", "a pad evaluated")                                                               \
     X(CYLINDER, "cylinder", "a cylinder evaluated")                                                \
-    X(SEARCH, "search", "a search begun and ended")                                                \
-    X(NEAREST, "nearest", "a nearest node sought")                                                 \
-    X(CELL, "cell", "one node met while it is sought")                                             \
-    X(CANDIDATE, "candidate", "one candidate looked over by a search")                             \
-    X(NEIGHBOUR, "neighbour", "one neighbour or slot proposed")                                    \
-    X(CLOSE, "close", "one close look at it")                                                      \
-    X(SIFT, "sift", "it held against one of those listed")                                         \
-    X(CHILD, "child", "one child of a slot passed")                                                \
-    X(IDLE, "idle", "an idle candidate against one in contact")                                    \
-    X(FORCE, "force", "a tool against one in contact")                                             \
-    X(DROP, "drop", "a candidate dropped")                                                         \
-    X(MOVE, "move", "one of its compliances moved")                                                \
-    X(MOVE_BLOCK, "move_block", "the same in full, for friction")                                  \
-    X(ADMIT, "admit", "a candidate taken in")                                                      \
-    X(ROOM, "room", "one candidate looked at to make room")                                        \
-    X(PAIR, "pair", "one compliance looked up")                                                    \
-    X(PAIR_BLOCK, "pair_block", "kept in full, for friction")                                      \
+    X(ROOM, "room", "one spot looked at to make room")                                             \
     X(ROW, "row", "a row of W^-1 begun")                                                           \
     X(ROW_WORD, "row_word", "one word of marks scanned")                                           \
     X(ROW_MARK, "row_mark", "one marked slot visited")                                             \
@@ -38,23 +22,12 @@
     X(EXTRACT_ENTRY, "extract_entry", "one entry of the row in it")                                \
     X(EXTRACT_SKIP, "extract_skip", "one index of the column passed")                              \
     X(EXTRACT_MATCH, "extract_match", "one entry that may meet its block")                         \
-    X(BEGIN, "begin", "a contact solve begun")                                                     \
-    X(TARGET, "target", "one candidate linearised")                                                \
-    X(PIVOT, "pivot", "an active set step")                                                        \
-    X(ACTIVE, "active", "one in contact in it")                                                    \
-    X(SPRING, "spring", "one axis of a tool's spring in it")                                       \
     X(SUBSTITUTE, "substitute", "one row of a triangular solve")                                   \
     X(AXPY, "axpy", "one entry of it, side by side")                                               \
     X(DOT, "dot", "one entry of a sum in order")                                                   \
-    X(CHOICE, "choice", "one candidate looked at for the most violated")                           \
     X(GATHER, "gather", "one compliance gathered for the factor")                                  \
-    X(APPEND, "append", "one row added to the factor")                                             \
-    X(ROTATION, "rotation", "one Givens rotation begun")                                           \
-    X(ROTATE, "rotate", "one pair of entries rotated or shifted")                                  \
     X(COUPLE, "couple", "a tool's spring in one solve")                                            \
     X(LEAVE, "leave", "a tool's spring in one tick")                                               \
-    X(FRICTION, "friction", "friction of a tool in one tick")                                      \
-    X(FRICTION_PAIR, "friction_pair", "one pair in contact in it")                                 \
     X(TICK, "tick", "a bounded tick, its end and its report")                                      \
     X(QUANTUM, "quantum", "a look at the clock and what it decides")                               \
     X(ADD, "add", "a column added to the details")                                                 \
@@ -70,6 +43,7 @@
     X(SEAM_TURN, "seam_turn", "one entry of a block turned and put in place")                      \
     X(SEAM_ROW, "seam_row", "one entry of a block divided or moved")                               \
     X(SEAM_PRODUCT, "seam_product", "one entry of a block eliminated")                             \
+    X(TURN, "turn", "a place or a direction of a zone turned")                                     \
     X(PLACE, "place", "where a node of a zone is")                                                 \
     X(PLACE_MODE, "place_mode", "one mode of its seams in that")                                   \
     X(ELEMENT, "element", "one element evaluated")                                                 \

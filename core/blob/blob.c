@@ -234,12 +234,14 @@ static void read_levels(palp_reader *r, palp_blob *b) {
     palp_reader_require(r, b->level[0].nodes >= 1u);
 }
 
-/* Whether triangle `t` lies across the edge of triangle `s` that faces corner `corner`. */
+/* Whether triangle `t` lies across the edge of triangle `s` that faces corner `corner`; itself
+ * where nothing beyond is to be touched. */
 static bool is_across(const palp_blob *b, uint32_t s, uint32_t corner, uint32_t t) {
     const uint32_t *from = b->triangle + 3u * (size_t)s, *to = b->triangle + 3u * (size_t)t;
     const uint32_t p = from[(corner + 1u) % 3u], q = from[(corner + 2u) % 3u];
+    if (s == t) return true;
     for (uint32_t k = 0; k < 3u; k++) {
-        if (to[k] == q && to[(k + 1u) % 3u] == p) return s != t;
+        if (to[k] == q && to[(k + 1u) % 3u] == p) return true;
     }
     return false;
 }

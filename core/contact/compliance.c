@@ -2,21 +2,33 @@
 /* The compliance between contact points: half-space and modes (surface/surface.h). */
 #include "core/contact/contact_internal.h"
 
-static void half_space_row(const palp_contact *c, uint32_t i, uint32_t count, float *restrict row) {
+#define NO_SIDE 0xffffu /* among those in contact: padding */
+
+palp_half_space palp_contact_half_space(const palp_contact *contact, uint32_t body,
+                                        uint32_t other) {
+    const palp_surface *a = &contact->surface[body], *b = &contact->surface[other];
+    if (body == other) return (palp_half_space){a->compliance_m2_per_N, a->poisson};
+    return (palp_half_space){0.5f * (a->compliance_m2_per_N + b->compliance_m2_per_N),
+                             0.5f * (a->poisson + b->poisson)};
+}
+
+/* Of side i with the sides first..end - 1, all on one body. */
+static void half_space_row(const palp_contact *c, palp_half_space h, uint32_t i, uint32_t first,
+                           uint32_t end, float *restrict row) {
     const float *restrict x = c->column[COL_Y], *restrict y = c->column[COL_Y + 1],
                           *restrict z = c->column[COL_Y + 2], *restrict nx = c->column[COL_N],
                           *restrict ny = c->column[COL_N + 1], *restrict nz = c->column[COL_N + 2],
                           *restrict mx = c->column[COL_M], *restrict my = c->column[COL_M + 1],
                           *restrict mz = c->column[COL_M + 2], *restrict cell = c->column[COL_CELL],
-                          *restrict tool = c->column[COL_TOOL];
-    const float nu = c->surface.poisson, rest = 0.5f - nu, factor = c->surface.compliance_m2_per_N;
+                          *restrict patch = c->column[COL_PATCH];
+    const float nu = h.poisson, rest = 0.5f - nu, factor = h.factor;
     const float xi = x[i], yi = y[i], zi = z[i], nxi = nx[i], nyi = ny[i], nzi = nz[i];
-    const float mxi = mx[i], myi = my[i], mzi = mz[i], si = cell[i], ti = tool[i];
-    for (uint32_t j = 0; j < count; j++) {
+    const float mxi = mx[i], myi = my[i], mzi = mz[i], si = cell[i], pi = patch[i];
+    for (uint32_t j = first; j < end; j++) {
         float ex = xi - x[j], ey = yi - y[j], ez = zi - z[j];
         float r2 = ex * ex + ey * ey + ez * ez, s2 = si * cell[j];
         float apart =
-            palp_abs(ti - tool[j]) > 0.5f ? r2 + SPREAD2 * s2 : palp_max(r2, NEAREST2 * s2);
+            palp_abs(pi - patch[j]) > 0.5f ? r2 + SPREAD2 * s2 : palp_max(r2, NEAREST2 * s2);
         float inverse = 1.0f / palp_sqrt(apart);
         ex *= inverse;
         ey *= inverse;
@@ -24,80 +36,149 @@ static void half_space_row(const palp_contact *c, uint32_t i, uint32_t count, fl
         float hx = 0.5f * (nxi + nx[j]), hy = 0.5f * (nyi + ny[j]), hz = 0.5f * (nzi + nz[j]);
         float mm = mxi * mx[j] + myi * my[j] + mzi * mz[j];
         float p = mxi * ex + myi * ey + mzi * ez, q = mx[j] * ex + my[j] * ey + mz[j] * ez;
-        float s = hx * mx[j] + hy * my[j] + hz * mz[j], t = hx * mxi + hy * myi + hz * mzi;
-        row[j] = factor * inverse * ((1.0f - nu) * mm + nu * p * q + rest * (p * s - t * q));
+        float a = hx * mx[j] + hy * my[j] + hz * mz[j], b = hx * mxi + hy * myi + hz * mzi;
+        row[j] = factor * inverse * ((1.0f - nu) * mm + nu * p * q + rest * (p * a - b * q));
     }
 }
 
-/* f B f of one point that stands for its cell, for a unit force along m. */
-static float half_space_self(const palp_contact *c, const palp_contact_point *p) {
-    float nu = c->surface.poisson, along = palp_dot(p->m, p->at.n);
-    return c->surface.compliance_m2_per_N * PALP_LATTICE_SELF / p->cell_m *
+/* f B f of one side that stands for its cell, for a unit force along m. */
+static float half_space_self(const palp_contact *c, uint32_t body, uint32_t side) {
+    const palp_surface *s = &c->surface[body];
+    const palp_vec3 m = palp_contact_column(c, COL_M, side),
+                    n = palp_contact_column(c, COL_N, side);
+    float nu = s->poisson, along = palp_dot(m, n);
+    return s->compliance_m2_per_N * PALP_LATTICE_SELF / c->column[COL_CELL][side] *
            (1.0f - nu + 0.5f * nu * (1.0f - along * along));
 }
 
-void palp_contact_compliance_row(palp_contact *contact, uint32_t i, uint32_t count, float *row) {
-    palp_contact *c = contact;
+static void modes_row(const palp_contact *c, uint32_t i, uint32_t first, uint32_t end,
+                      float *restrict row) {
     const uint32_t modes = c->level.modes;
-    const float *value = c->surface.blob->regular.value;
-    half_space_row(c, i, count, row);
-    if (i < count) row[i] = half_space_self(c, &c->point[i]);
+    const float *value = c->surface[0].blob->regular.value;
     for (uint32_t a = 0; a < modes; a += 4u) { /* PALP_MODE_LANES is a multiple of it */
-        const float *restrict v0 = c->mode + (size_t)a * c->room, *restrict v1 = v0 + c->room,
-                              *restrict v2 = v1 + c->room, *restrict v3 = v2 + c->room;
+        const float *restrict v0 = c->mode + (size_t)a * c->side_room,
+                              *restrict v1 = v0 + c->side_room, *restrict v2 = v1 + c->side_room,
+                              *restrict v3 = v2 + c->side_room;
         const float w0 = value[a] * v0[i], w1 = value[a + 1u] * v1[i], w2 = value[a + 2u] * v2[i],
                     w3 = value[a + 3u] * v3[i];
-        for (uint32_t j = 0; j < count; j++)
+        for (uint32_t j = first; j < end; j++)
             row[j] += w0 * v0[j] + w1 * v1[j] + w2 * v2[j] + w3 * v3[j];
     }
-    c->work_done += (uint64_t)count * (40u + modes);
 }
 
-/* Displacement at a point by the gathered forces and the load of the modes; `f`: its own force. */
-static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f);
+/* Where the other sides of the points below `end` end. */
+static uint32_t others_end(const palp_contact *c, uint32_t end) {
+    for (uint32_t j = end; j-- > 0u && c->sides > c->count;) {
+        if (c->other_side[j] > 0u) return c->other_side[j] + 1u;
+    }
+    return c->count;
+}
+
+/* row[j] of one side with those of the points below `end`. */
+static void row_of_side(palp_contact *c, uint32_t side, uint32_t end, float *row) {
+    const uint32_t others = others_end(c, end), body = palp_contact_body(c, side);
+    for (uint32_t k = 0; k < c->runs; k++) {
+        const palp_contact_run *run = &c->run[k];
+        const uint32_t most = run->first >= c->count ? others : end;
+        const uint32_t last = run->end < most ? run->end : most;
+        if (run->first >= last) continue;
+        half_space_row(c, palp_contact_half_space(c, body, run->body), side, run->first, last, row);
+        if (side >= run->first && side < last) row[side] = half_space_self(c, body, side);
+        modes_row(c, side, run->first, last, row);
+        if (c->assembly != NULL) palp_contact_bond_row(c, side, run->first, last, row);
+        c->work_done += (uint64_t)(last - run->first) * (40u + c->level.modes);
+    }
+}
+
+/* What the points feel of one side, both of theirs together. */
+static void fold(const palp_contact *c, uint32_t end, float *row) {
+    for (uint32_t j = 0; j < end && c->sides > c->count; j++) {
+        if (c->other_side[j] > 0u) row[j] += row[c->other_side[j]];
+    }
+}
+
+void palp_contact_compliance_row(palp_contact *contact, uint32_t i, float *row) {
+    palp_contact *c = contact;
+    float *first = c->side_row[0], *second = c->side_row[1];
+    if (c->sides == c->count) {
+        row_of_side(c, i, i + 1u, row);
+        return;
+    }
+    row_of_side(c, i, i + 1u, first);
+    fold(c, i + 1u, first);
+    for (uint32_t j = 0; j <= i; j++) row[j] = first[j];
+    if (c->other_side[i] == 0u) return;
+    row_of_side(c, c->other_side[i], i + 1u, second);
+    fold(c, i + 1u, second);
+    for (uint32_t j = 0; j <= i; j++) row[j] += second[j];
+}
+
+/* ---- displacements ---- */
+
+static float force_of(const palp_contact *c, uint32_t side) {
+    return c->point[c->side_point[side]].force_N;
+}
+
+/* The forces of one body's sides behind those of the others; returns where they end. */
+static uint32_t gather_body(palp_contact *c, uint32_t body, uint32_t at) {
+    static const palp_vec3 nowhere = {1e4f, 1e4f, 1e4f};
+    const uint32_t first = at;
+    for (uint32_t r = 0; r < c->runs; r++) {
+        for (uint32_t s = c->run[r].first; s < c->run[r].end && c->run[r].body == body; s++) {
+            if (!c->point[c->side_point[s]].active) continue;
+            const float f = force_of(c, s);
+            for (uint32_t k = 0; k < 11u; k++)
+                c->pressed[k][at] = c->column[k][s] * (k >= IN_F && k < IN_CELL ? f : 1.0f);
+            c->pressed_side[at++] = (uint16_t)s;
+        }
+    }
+    /* at most a lane */
+    for (; at % LANES != 0u; at++) {
+        const float of[11] = {nowhere.x, nowhere.y, nowhere.z, 0.0f, 0.0f, 1.0f,
+                              0.0f,      0.0f,      0.0f,      1.0f, 0.0f};
+        for (uint32_t k = 0; k < 11u; k++) c->pressed[k][at] = of[k];
+        c->pressed_side[at] = NO_SIDE;
+    }
+    c->pressed_of[body] = (palp_contact_run){body, first, at};
+    return at;
+}
 
 void palp_contact_gather(palp_contact *contact) {
     palp_contact *c = contact;
-    const uint32_t modes = c->level.modes, n = c->active_count;
-    const uint32_t padded = (n + LANES - 1u) / LANES * LANES;
-    for (uint32_t a = 0; a < padded; a++) {
-        static const palp_vec3 nowhere = {1e4f, 1e4f, 1e4f};
-        bool in = a < n;
-        const palp_contact_point *p = &c->point[in ? c->active[a] : 0u];
-        const palp_vec3 y = in ? p->at.y : nowhere, f = palp_scale(in ? p->force_N : 0.0f, p->m);
-        const float of[11] = {y.x, y.y, y.z, p->at.n.x, p->at.n.y,     p->at.n.z,
-                              f.x, f.y, f.z, p->cell_m, (float)p->tool};
-        for (uint32_t k = 0; k < 11u; k++) c->pressed[k][a] = of[k];
-    }
-    for (uint32_t m = 0; m < modes; m++) {
-        const float *v = c->mode + (size_t)m * c->room;
+    uint32_t at = 0;
+    for (uint32_t b = 0; b < c->bodies; b++) at = gather_body(c, b, at);
+    for (uint32_t m = 0; m < c->level.modes; m++) {
+        const float *v = c->mode + (size_t)m * c->side_room;
         float sum = 0.0f;
-        for (uint32_t a = 0; a < n; a++) sum += v[c->active[a]] * c->point[c->active[a]].force_N;
-        c->load[m] = c->surface.blob->regular.value[m] * sum;
+        for (uint32_t s = 0; s < c->sides; s++) sum += v[s] * force_of(c, s);
+        c->load[m] = c->surface[0].blob->regular.value[m] * sum;
     }
-    c->work_done += (uint64_t)modes * n + 20u * padded;
+    c->work_done += (uint64_t)c->level.modes * c->sides + 20u * at;
 }
 
-palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t i) {
-    const palp_contact_point *p = &contact->point[i];
-    return displacement(contact, i, palp_scale(p->force_N, p->m));
+void palp_contact_displace_corners(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t k = 0; k < c->nodes; k++)
+        c->node_u_m[k] =
+            palp_surface_corner(&c->surface[c->node_body[k]], c->node[k], c->level.modes, c->load);
+    c->work_done += 3u * (uint64_t)c->nodes * c->level.modes;
+    if (c->assembly != NULL) palp_contact_bond_corners(c);
 }
 
-static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f) {
-    const palp_contact_point *point = &c->point[i];
-    const float nu = c->surface.poisson, rest = 0.5f - nu;
-    const palp_vec3 y = point->at.y, n = point->at.n;
-    const float cell = point->cell_m, tool = (float)point->tool;
+/* What the forces on one body displace a place of a half-space by, without its factor. */
+static palp_vec3 half_space_at(const palp_contact *c, const palp_contact_run *in_contact, float nu,
+                               palp_vec3 y, palp_vec3 n, float cell, float patch) {
+    const float rest = 0.5f - nu;
     float lane[3][LANES] = {{0}};
-    for (uint32_t first = 0; first < c->active_count; first += LANES) {
+    for (uint32_t first = in_contact->first; first < in_contact->end; first += LANES) {
         const float *const *in = (const float *const *)c->pressed;
         for (uint32_t k = 0; k < LANES; k++) {
             uint32_t j = first + k;
             float fx = in[IN_F][j], fy = in[IN_F + 1][j], fz = in[IN_F + 2][j];
             float ex = y.x - in[IN_Y][j], ey = y.y - in[IN_Y + 1][j], ez = y.z - in[IN_Y + 2][j];
             float r2 = ex * ex + ey * ey + ez * ez, s2 = cell * in[IN_CELL][j];
-            float apart = palp_abs(tool - in[IN_TOOL][j]) > 0.5f ? r2 + SPREAD2 * s2
-                                                                 : palp_max(r2, NEAREST2 * s2);
+            float apart = palp_abs(patch - in[IN_PATCH][j]) > 0.5f ? r2 + SPREAD2 * s2
+                                                                   : palp_max(r2, NEAREST2 * s2);
             float inverse = r2 > 0.0f ? 1.0f / palp_sqrt(apart) : 0.0f;
             ex *= inverse;
             ey *= inverse;
@@ -114,46 +195,82 @@ static palp_vec3 displacement(palp_contact *c, uint32_t i, palp_vec3 f) {
     palp_vec3 u = {0};
     for (uint32_t k = 0; k < LANES; k++)
         u = palp_add(u, (palp_vec3){lane[0][k], lane[1][k], lane[2][k]});
-    if (palp_dot(f, f) > 0.0f) {
-        float scale = PALP_LATTICE_SELF / cell, along = palp_dot(f, n);
-        u = palp_madd(u, scale * (1.0f - 0.5f * nu), f);
-        u = palp_madd(u, -scale * 0.5f * nu * along, n);
-    }
-    u = palp_scale(c->surface.compliance_m2_per_N, u);
-    for (uint32_t k = 0; k < 3u; k++)
-        u = palp_madd(u, point->at.weight[k], c->node_u_m[c->corner[i][k]]);
-    c->work_done += 50u * (uint64_t)c->active_count;
     return u;
+}
+
+/* Displacement of a side by the gathered forces, with its own force f. */
+static palp_vec3 displacement(palp_contact *c, uint32_t side, palp_vec3 f) {
+    const uint32_t body = palp_contact_body(c, side);
+    const palp_surface_point *at = palp_contact_side(c, side);
+    const float cell = c->column[COL_CELL][side], patch = c->column[COL_PATCH][side];
+    palp_vec3 u = {0};
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        const palp_contact_run *in = &c->pressed_of[b];
+        if (in->end == in->first && b != body) continue;
+        const palp_half_space h = palp_contact_half_space(c, body, b);
+        palp_vec3 by = half_space_at(c, in, h.poisson, at->y, at->n, cell, patch);
+        if (b == body && palp_dot(f, f) > 0.0f) {
+            float scale = PALP_LATTICE_SELF / cell, along = palp_dot(f, at->n);
+            by = palp_madd(by, scale * (1.0f - 0.5f * h.poisson), f);
+            by = palp_madd(by, -scale * 0.5f * h.poisson * along, at->n);
+        }
+        u = c->assembly != NULL ? palp_madd(u, h.factor, by) : palp_scale(h.factor, by);
+        c->work_done += 50u * (uint64_t)(in->end - in->first);
+    }
+    for (uint32_t k = 0; k < 3u; k++)
+        u = palp_madd(u, at->weight[k], c->node_u_m[c->corner[side][k]]);
+    return u;
+}
+
+palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side) {
+    return displacement(
+        contact, side,
+        palp_scale(force_of(contact, side), palp_contact_column(contact, COL_M, side)));
+}
+
+/* The force lambda / normal_N of a tool along a tangent, at one of the pressed sides. */
+static palp_vec3 tangential_at(const palp_contact *c, uint32_t side, uint32_t tool,
+                               palp_vec3 tangent, float normal_N) {
+    const palp_contact_point *p = &c->point[c->side_point[side]];
+    const bool of_tool = c->patch[p->patch].tool == tool;
+    return palp_scale(of_tool ? p->force_N / normal_N : 0.0f,
+                      palp_contact_inward(c, palp_contact_body(c, side), tangent));
+}
+
+/* Puts the tangential forces in place of those that were gathered. */
+static void press_along(palp_contact *c, uint32_t tool, palp_vec3 tangent, float normal_N) {
+    const uint32_t modes = c->level.modes;
+    float row[PALP_MAX_MODES];
+    for (uint32_t m = 0; m < modes; m++) c->load[m] = 0.0f;
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        for (uint32_t at = c->pressed_of[b].first; at < c->pressed_of[b].end; at++) {
+            const uint32_t s = c->pressed_side[at];
+            if (s == NO_SIDE) continue;
+            palp_vec3 f = tangential_at(c, s, tool, tangent, normal_N);
+            c->pressed[IN_F][at] = f.x;
+            c->pressed[IN_F + 1][at] = f.y;
+            c->pressed[IN_F + 2][at] = f.z;
+            palp_surface_modes(&c->surface[b], palp_contact_side(c, s), f, modes, row, 1);
+            for (uint32_t m = 0; m < modes; m++) c->load[m] += row[m];
+            c->work_done += 10u * (uint64_t)modes;
+        }
+    }
+    for (uint32_t m = 0; m < modes; m++) c->load[m] *= c->surface[0].blob->regular.value[m];
 }
 
 void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
                              float normal_N, float entry[3]) {
     palp_contact *c = contact;
-    const uint32_t modes = c->level.modes, n = c->active_count;
     float sum[2][2] = {{0}};
     for (uint32_t k = 0; k < 2u; k++) {
-        for (uint32_t m = 0; m < modes; m++) c->load[m] = 0.0f;
-        for (uint32_t a = 0; a < n; a++) {
-            const palp_contact_point *p = &c->point[c->active[a]];
-            float share = p->tool == tool ? p->force_N / normal_N : 0.0f;
-            palp_vec3 f = palp_scale(share, tangent[k]);
-            c->pressed[IN_F][a] = f.x;
-            c->pressed[IN_F + 1][a] = f.y;
-            c->pressed[IN_F + 2][a] = f.z;
-            float row[PALP_MAX_MODES];
-            palp_surface_modes(&c->surface, &p->at, f, modes, row, 1);
-            for (uint32_t m = 0; m < modes; m++) c->load[m] += row[m];
+        press_along(c, tool, tangent[k], normal_N);
+        palp_contact_displace_corners(c);
+        for (uint32_t a = 0; a < c->active_count; a++) {
+            const uint32_t i = c->active[a];
+            palp_vec3 u = displacement(c, i, tangential_at(c, i, tool, tangent[k], normal_N));
+            for (uint32_t e = 0; e < 2u; e++)
+                sum[k][e] += palp_dot(u, tangential_at(c, i, tool, tangent[e], normal_N));
         }
-        for (uint32_t m = 0; m < modes; m++) c->load[m] *= c->surface.blob->regular.value[m];
-        for (uint32_t i = 0; i < c->nodes; i++)
-            c->node_u_m[i] = palp_surface_corner(&c->surface, c->node[i], modes, c->load);
-        for (uint32_t a = 0; a < n; a++) {
-            const palp_contact_point *p = &c->point[c->active[a]];
-            float share = p->tool == tool ? p->force_N / normal_N : 0.0f;
-            palp_vec3 u = displacement(c, c->active[a], palp_scale(share, tangent[k]));
-            for (uint32_t e = 0; e < 2u; e++) sum[k][e] += share * palp_dot(u, tangent[e]);
-        }
-        c->work_done += 10u * (uint64_t)modes * n + 3u * (uint64_t)c->nodes * modes;
     }
     entry[0] = sum[0][0];
     entry[1] = 0.5f * (sum[0][1] + sum[1][0]);

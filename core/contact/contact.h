@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Contact between rigid tools and the surface of one elastostatic body, without friction, in a work
- * that the number of points alone decides.
+ * Contact between rigid tools and the surface of an elastostatic body, or of the zones of a
+ * multizone model, which may also touch each other; without friction, in a work that the number of
+ * points alone decides.
  *
  * Each tick the tools' lattices give contact points y_i (contact/lattice.h), the surface their
  * mutual compliance C_ij (surface/surface.h). With phi a tool's distance, the surface must stay out
@@ -25,6 +26,15 @@
  * cut off at PALP_CONTACT_BEYOND of the first, which they reach where a tool meets folds or lies in
  * several regions with few points in each; there F is not exact.
  *
+ * A multizone model is one body at rest, so C is that of the rest posture in the zones' own
+ * coordinates, which are the model's at rest, and what its seams do differently in this posture
+ * (zone/assembly.h). Its surface lies in pieces, each zone in a frame of its own, which a tool's
+ * lattice goes over as if they were one. What the seams and weight have bent a zone by is there
+ * before any contact. Where a zone lies on another, there is a lattice between the two, and each of
+ * its points has two sides, y on the one and z before it on the other,
+ *
+ *     m (y + u_y - z - u_z) >= 0,   m = (n_z - n_y) / |n_z - n_y|
+ *
  * Calls of a tick, in this order, so that the caller can look at the clock in between:
  *
  *     palp_contact_begin       tools where they are expected
@@ -40,12 +50,20 @@
 #include "core/base/arena.h"
 #include "core/base/status.h"
 #include "core/contact/lattice.h"
+#include "core/zone/assembly.h"
 
 #define PALP_CONTACT_TOOLS 4u
+#define PALP_CONTACT_PAIRS 8u /* of zones that touch each other, at a time */
+#define PALP_CONTACT_PATCHES (PALP_CONTACT_TOOLS + PALP_CONTACT_PAIRS)
 #define PALP_CONTACT_BEYOND 0.03f
-#define PALP_CONTACT_MAX_POINTS 122u /* of the finest level there is */
-#define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
-#define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
+#define PALP_CONTACT_MAX_POINTS 122u                     /* of the finest level there is */
+#define PALP_CONTACT_RUNS (2u * PALP_CONTACT_MAX_POINTS) /* of sides on one body */
+#define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
+#define PALP_CONTACT_ROWS 8u        /* of g that one call assembles */
+#define PALP_CONTACT_PAIR_REACH                                                                    \
+    4.0f                     /* edges about where zones meet, within which nodes are looked at */
+#define PALP_CONTACT_SCAN 4u /* nodes that a tick compares with other zones in turn */
+#define PALP_CONTACT_FOLLOWED 8u /* pairs of zones whose nearest nodes it follows */
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
@@ -59,6 +77,7 @@
  *     modes            1/4    1/2    all   all  all
  */
 typedef struct {
+    uint32_t number;
     uint32_t cells;    /* wanted in contact */
     uint32_t points;   /* room: three times the cells, and some */
     uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */
@@ -80,53 +99,105 @@ typedef struct {
     float stiffness_N_per_m;
 } palp_contact_spring;
 
+/* A tool on all bodies, or a zone on another. */
 typedef struct {
-    palp_surface surface;
+    bool used, filled;        /* filled: in this tick, or about to be */
+    uint32_t tool;            /* PALP_CONTACT_TOOLS: not a tool, */
+    uint32_t body, other;     /* but these two zones; points lie on the first */
+    uint32_t before;          /* node of the other one near where they meet */
+    palp_vec3 tool_m, held_m; /* of two zones: where they were found to meet */
+    palp_vec3 rest_m;         /* where the tool came to rest in the last tick */
+    palp_lattice lattice;
+    palp_lattice_table *table, *table_before;
+    palp_given given;     /* by the body as a whole under the forces of the last tick */
+    palp_given bent;      /* and without them */
+    palp_given bent_used; /* what of lattice.used.given is that */
+    float spacing_before; /* of the lattice in the last tick */
+    float normal_N;       /* sum of lambda */
+    palp_vec3 push_N;     /* - sum lambda m, where the bodies are */
+    palp_vec3 beyond_N;   /* what the exact force has beyond it */
+} palp_contact_patch;
+
+/* Sides of points that lie on one body, one behind the other. */
+typedef struct {
+    uint32_t body, first, end;
+} palp_contact_run;
+
+/* What a point between two zones pushes on the other one. */
+typedef struct {
+    palp_surface_point at;
+    palp_vec3 m, u_m; /* its direction and displacement there, in that zone's frame */
+    bool found;
+} palp_contact_facing;
+
+typedef struct {
+    palp_surface *surface;   /* [bodies] */
+    palp_assembly *assembly; /* of the zones, by reference; NULL: one body at rest */
+    bool pairs;              /* zones touch each other */
+    uint32_t bodies, patches;
+    uint32_t modes;            /* of the body, or of all zones together */
     const palp_tool *tools;    /* by reference */
     uint32_t tool_count, room; /* room: points, of the level that has most */
     uint32_t now;              /* the level in use; set between ticks, at most that of init */
     palp_contact_level level;  /* of this tick */
-    palp_lattice *lattice;     /* [tool_count] */
-    palp_contact_point *point, *before;       /* [room]: of this tick; of the last */
-    palp_lattice_table *table, *table_before; /* [tool_count] */
-    uint32_t count;                           /* contact points */
+    palp_contact_patch *patch; /* [patches]; patch t is tool t, pairs follow */
+    const palp_frame *frame;   /* [bodies] where they are; NULL: at rest */
+    palp_frame *frame_before;  /* [bodies] where they were in the last tick */
+    uint32_t **beyond;         /* [bodies] palp_lattice_room.beyond */
+    palp_contact_point *point, *before;          /* [room]: of this tick; of the last */
+    palp_contact_facing *facing, *facing_before; /* [room] of points between zones */
+    uint32_t count;                              /* contact points */
     uint32_t count_before;
     bool solved; /* the last tick was finished */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 tool_m[PALP_CONTACT_TOOLS];     /* where the tools are taken to be */
-    palp_vec3 rest_m[PALP_CONTACT_TOOLS];     /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];    /* exact, on each tool */
-    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];   /* what of it lies beyond - sum lambda m */
-    float normal_N[PALP_CONTACT_TOOLS];       /* sum of lambda */
-    palp_given given[PALP_CONTACT_TOOLS];     /* by the body as a whole, in the last tick */
-    float spacing_before[PALP_CONTACT_TOOLS]; /* of the lattices in the last tick */
-    float given_share;                        /* of it, that the tool under way is taken to meet */
-    float forward;                            /* how far that is put forward, over its size */
-    float energy_J;                           /* f C f / 2 */
-    float crowd;         /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
-    uint32_t *node;      /* [3 room] corners of the points' triangles, each once */
-    palp_vec3 *node_u_m; /* [3 room] what the modes displace them by */
-    uint16_t *node_slot; /* [PALP_CONTACT_NODE_SLOTS] where they are in the list; 0: nowhere */
-    uint16_t (*corner)[3]; /* [room] of each point, in the list */
+    palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */
+    palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
+    float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
+    float given_share; /* of patch.given, that the patch under way is taken to meet */
+    float forward;     /* how far that is put forward, over its size */
+    float energy_J;    /* f C f / 2 */
+    float crowd;       /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
+    uint32_t sides, side_room; /* the points, then the other sides of those between zones */
+    uint16_t *side_point;      /* [side_room] */
+    uint16_t *other_side;      /* [room] of a point between zones; 0: it has none */
+    palp_contact_run run[PALP_CONTACT_RUNS];
+    uint32_t runs;
+    uint32_t *node, *node_body; /* [3 side_room] corners of the sides' triangles, each once */
+    palp_vec3 *node_u_m;        /* [3 side_room] what modes and seams displace them by */
+    palp_vec3 *node_bent_m;     /* [3 side_room] and what moves them without contact */
+    uint16_t *node_slot;   /* [PALP_CONTACT_NODE_SLOTS] where they are in the list; 0: nowhere */
+    uint16_t (*corner)[3]; /* [side_room] of each side, in the list */
     uint32_t nodes;
-    float *column[11];  /* [room] the points side by side (contact_internal.h) */
-    float *pressed[11]; /* [room, rounded up] those in contact, with their forces */
-    float *mode;        /* [modes][room] what unit forces along m give the modes */
-    float *load;        /* [modes] */
+    float *column[11];  /* [side_room] the sides side by side (contact_internal.h) */
+    float *pressed[11]; /* [side_room, rounded up] those in contact, body by body, with forces */
+    uint16_t *pressed_side;       /* [side_room, rounded up] */
+    palp_contact_run *pressed_of; /* [bodies] where those of each body are */
+    float *mode;                  /* [modes][side_room] what unit forces along m give the modes */
+    float *load;                  /* [modes] */
     float far_load[PALP_LATTICE_FAR_MODES]; /* of the first modes, in the last tick */
-    float *g;                               /* [room][room] */
-    float *factor;                          /* [room][room] */
-    float *target, *lambda, *scratch;       /* [room] */
-    uint32_t *active;                       /* [room] points in contact */
+    float *seam;                      /* [2][3 modes of the seams][side_room] rows y and y_0 */
+    uint64_t seam_touched;            /* seams where they are not zero */
+    float *felt, *answer;             /* of one zone's seams; [2] over all seams */
+    float *side_row[2];               /* [side_room] */
+    float *g;                         /* [room][room] */
+    float *factor;                    /* [room][room] */
+    float *target, *lambda, *scratch; /* [room] */
+    uint32_t *active;                 /* [room] points in contact */
     uint32_t active_count, row, iterations, flags;
     uint32_t most_active;              /* points in contact at a time, during the iterations */
-    uint32_t filling, fillings, first; /* tool that is being filled, how often, its first point */
-    palp_lattice_counts done, filled;  /* by the last filling; by all of this tick */
+    uint32_t filling, fillings, first; /* patch that is being filled, how often, its first point */
+    uint32_t scan, pair_scan; /* node of a zone that is compared with others next; pair of zones */
+    uint32_t (*closest)[2];   /* [pairs of zones] nodes that are near each other */
+    palp_lattice_counts done, filled; /* by the last filling; by all of this tick */
     uint64_t work_done;
 } palp_contact;
 
-/* A level of a blob with `modes`. */
+/* A level of a blob with `modes`; of a multizone model, where a tool may lie on several zones, the
+ * coarse levels have more points. */
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);
+palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes);
 
 /* `finest`: below PALP_CONTACT_LEVELS; 0 else. */
 size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
@@ -136,6 +207,25 @@ size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
                               uint32_t tool_count, uint32_t finest, void *memory, size_t bytes);
 
+/*
+ * The same on the zones of an assembly, held by reference, with contact between them if `pairs`.
+ * The assembly is posed and settled before a tick begins.
+ */
+size_t palp_contact_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
+                                  uint32_t finest);
+palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
+                                    const palp_tool *tools, uint32_t tool_count, uint32_t finest,
+                                    void *memory, size_t bytes);
+
+/* Whether anything is near enough to be touched. */
+bool palp_contact_near(const palp_contact *contact);
+
+/* Tells the assembly the forces of the last tick. */
+void palp_contact_load(palp_contact *contact);
+
+/* How far the bodies that a tool presses have carried it since the last tick (m). */
+palp_vec3 palp_contact_carried(const palp_contact *contact, uint32_t tool);
+
 /* Forgets all contacts. */
 void palp_contact_clear(palp_contact *contact);
 
@@ -144,8 +234,8 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring);
 /* One filling of one lattice (palp_lattice_fill); false when there is none left to do. */
 bool palp_contact_fill(palp_contact *contact);
-/* Whether the present tool's next filling can be left out: it has points, or it carried no force;
- * and to leave it out. */
+/* Whether the present patch's next filling can be left out: it has points, or it carried no force;
+ * and to leave it out. Patches of a multizone model that press are filled before the others. */
 bool palp_contact_may_skip(const palp_contact *contact);
 void palp_contact_skip(palp_contact *contact);
 /* Returns how many contact points there are. Each: 200 and 9 modes. */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/cost.h"
 
+#define SPLIT 1.4f /* of points and rows of g that lie on several zones, over those on a body */
+#define PAIRS 0.5f /* share of the points that may lie between zones */
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
@@ -37,6 +39,20 @@ static uint32_t nodes_around(const palp_blob *b, const uint32_t met[3]) {
     return most;
 }
 
+/* Nodes and rows of cells of one more body that may be looked at within `reach`. */
+static void around(const palp_blob *blob, float reach, palp_contact_presser *p) {
+    uint32_t met[3];
+    for (uint32_t k = 0; k < 3u; k++) met[k] = cells_met(blob->meta, k, reach);
+    p->nodes += (float)nodes_around(blob, met);
+    p->rows += (float)(met[1] * met[2]);
+}
+
+static void take_worst(palp_contact_cost *c, const palp_contact_presser *p) {
+    c->evaluation = palp_max(c->evaluation, p->evaluation);
+    c->nodes = palp_max(c->nodes, p->nodes);
+    c->rows = palp_max(c->rows, p->rows);
+}
+
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price) {
     palp_contact_cost c = {.price = *price,
@@ -44,55 +60,155 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
                            .ring = (float)blob->meta->max_ring,
                            .modes = blob->regular.modes};
     for (uint32_t t = 0; t < tool_count; t++) {
-        float reach = palp_lattice_reach(&tools[t], blob);
-        uint32_t met[3];
-        for (uint32_t k = 0; k < 3u; k++) met[k] = cells_met(blob->meta, k, reach);
-        c.evaluation = palp_max(c.evaluation, evaluation_of(&tools[t], price));
-        c.nodes = palp_max(c.nodes, (float)nodes_around(blob, met));
-        c.rows = palp_max(c.rows, (float)(met[1] * met[2]));
+        c.presser[t] = (palp_contact_presser){.evaluation = evaluation_of(&tools[t], price)};
+        around(blob, palp_lattice_reach(&tools[t], blob), &c.presser[t]);
+        take_worst(&c, &c.presser[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
     }
+    c.patches = (float)tool_count;
     return c;
 }
 
-float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
-    return (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
-           (float)done.evaluations * (cost->evaluation + PRICE(cost, GIVEN)) +
-           (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
-           (float)done.fillings * PALP_LATTICE_WATCHED *
-               (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE));
+palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool pairs,
+                                             const palp_tool *tools, uint32_t tool_count,
+                                             const palp_prices *price) {
+    const palp_seams *q = &assembly->seams;
+    const palp_zones *z = assembly->zones;
+    palp_contact_cost c = {.price = *price, .tools = (float)tool_count};
+    palp_contact_presser *pair = &c.presser[PALP_CONTACT_TOOLS];
+    float modes = 0.0f;
+    for (uint32_t i = 0; i < z->meta->zones; i++) {
+        const palp_blob *b = &z->blob[i];
+        uint32_t met[3];
+        palp_contact_presser one = {.evaluation = 0.0f};
+        for (uint32_t t = 0; t < tool_count; t++)
+            around(b, palp_lattice_reach(&tools[t], b), &c.presser[t]);
+        around(b, PALP_CONTACT_PAIR_REACH * b->meta->mean_edge_m, &one);
+        if (one.nodes > pair->nodes) *pair = one;
+        for (uint32_t k = 0; k < 3u; k++) met[k] = b->meta->cells[k] < 3u ? b->meta->cells[k] : 3u;
+        c.cells = palp_max(c.cells, (float)nodes_around(b, met));
+        c.ring = palp_max(c.ring, (float)b->meta->max_ring);
+        c.modes = b->regular.modes > c.modes ? b->regular.modes : c.modes;
+        modes = palp_max(modes, palp_assembly_modes(assembly, i));
+    }
+    for (uint32_t t = 0; t < tool_count; t++) {
+        c.presser[t].evaluation = evaluation_of(&tools[t], price);
+        c.friction = c.friction || tools[t].friction > 0.0f;
+        take_worst(&c, &c.presser[t]);
+    }
+    if (pairs) take_worst(&c, pair);
+    c.zones = (float)z->meta->zones;
+    c.pairs = pairs ? 1.0f : 0.0f;
+    c.patches = (float)tool_count;
+    if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
+    c.bent = price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE];
+    c.unknowns = 3.0f * (float)q->modes;
+    c.solve = palp_seams_cost_solve(q, price, q->finest);
+    c.forward = palp_seams_cost_forward(q, price, q->finest);
+    return c;
 }
 
-palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
-                                             palp_contact_level level) {
-    const uint32_t looks = PALP_LATTICE_LOOKS(level.points), nodes = (uint32_t)cost->nodes;
-    const uint32_t feet = PALP_LATTICE_FEET(level.points), ring = (uint32_t)cost->ring;
+palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32_t level) {
+    return cost->zones > 0.0f ? palp_contact_level_of_zones(level, cost->modes)
+                              : palp_contact_level_of(level, cost->modes);
+}
+
+float palp_contact_cost_place(const palp_contact_cost *cost) {
+    const float look = 2.0f * cost->bent + PRICE(cost, SHOT) +
+                       (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING) +
+                       cost->cells * PRICE(cost, AROUND);
+    const float others = palp_max(cost->zones - 1.0f, 0.0f);
+    const float followed = palp_min(0.5f * cost->zones * others, (float)PALP_CONTACT_FOLLOWED);
+    return cost->zones * cost->tools * PRICE(cost, SOUGHT) +
+           cost->pairs * ((float)PALP_CONTACT_SCAN * others * look +
+                          followed * 2.0f * (look + 2.0f * cost->ring * PRICE(cost, AROUND)));
+}
+
+static float filled(const palp_contact_cost *cost, palp_lattice_counts done, float evaluation) {
+    const float turned =
+        2.0f * (float)done.around + 6.0f * (float)done.shots + (float)done.evaluations;
+    const float sum =
+        (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
+        (float)done.evaluations * (evaluation + PRICE(cost, GIVEN)) +
+        (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
+        (float)done.bent * cost->bent +
+        (float)done.fillings * PALP_LATTICE_WATCHED *
+            (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE) + cost->bent);
+    return cost->zones > 0.0f ? sum + turned * PRICE(cost, TURN) : sum;
+}
+
+float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
+    return filled(cost, done, cost->evaluation);
+}
+
+static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_contact_level level,
+                                       uint32_t nodes, uint32_t rows) {
+    const uint32_t looks = PALP_LATTICE_LOOKS(level.points), ring = (uint32_t)cost->ring;
+    const uint32_t feet = PALP_LATTICE_FEET(level.points);
+    const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
-                                 .around = nodes + (uint32_t)cost->rows + feet * ring,
+                                 .around = nodes + rows + feet * ring,
                                  .evaluations = nodes + looks + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
                                                 10u * feet + 1u,
                                  .shots = looks + 4u * feet,
-                                 .crossings = PALP_LATTICE_CROSSINGS(level.points)};
+                                 .crossings = PALP_LATTICE_CROSSINGS(level.points),
+                                 .bent = bent};
+}
+
+palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
+                                             palp_contact_level level) {
+    return most_filled(cost, level, (uint32_t)cost->nodes, (uint32_t)cost->rows);
 }
 
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {
-    return palp_contact_cost_filled(cost, palp_contact_most_filled(cost, level));
+    return filled(cost, palp_contact_most_filled(cost, level), cost->evaluation);
+}
+
+float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_level level,
+                                uint32_t tool) {
+    const palp_contact_presser *p = &cost->presser[tool];
+    palp_lattice_counts most = most_filled(cost, level, (uint32_t)p->nodes, (uint32_t)p->rows);
+    if (tool == PALP_CONTACT_TOOLS) {
+        most.shots += most.evaluations;
+        most.crossings *= PALP_LATTICE_BETWEEN;
+        return filled(cost, most, 0.0f);
+    }
+    return filled(cost, most, p->evaluation);
+}
+
+/* What a zone's seams feel of a push, on the level of the seams in use. */
+static float felt(const palp_contact_cost *cost) {
+    return palp_min(cost->bent,
+                    PRICE(cost, PLACE) + cost->unknowns / 3.0f * PRICE(cost, PLACE_MODE));
 }
 
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count) {
-    return (float)count * (PRICE(cost, POINT) + cost->evaluation + 3.0f * PRICE(cost, CORNER) +
-                           (float)level.modes * PRICE(cost, MODE_AT));
+    const float side = 3.0f * PRICE(cost, CORNER) + (float)level.modes * PRICE(cost, MODE_AT);
+    float sum = (float)count * (PRICE(cost, POINT) + cost->evaluation + side);
+    if (!(cost->zones > 0.0f)) return sum;
+    const float bond = 3.0f * (cost->bent + felt(cost)) + 2.0f * cost->forward +
+                       2.0f * cost->unknowns * PRICE(cost, SEAM_TURN);
+    sum = SPLIT * (sum + (float)count * bond);
+    if (cost->pairs > 0.0f)
+        sum += PAIRS * (float)count *
+               (bond + side + PRICE(cost, SHOT) +
+                (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
+    return sum;
 }
 
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count) {
-    const float n = (float)count;
-    return 0.5f * n * (n + 1.0f) *
-               (PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR)) +
-           n * (PRICE(cost, GATHER) + 0.5f * PRICE(cost, POINT) +
-                0.25f * (float)level.modes * PRICE(cost, MODE_AT));
+    const float n = (float)count, sides = 1.0f + PAIRS * cost->pairs;
+    const float seams = cost->zones > 0.0f ? 2.0f * cost->unknowns * PRICE(cost, MODE_PAIR) : 0.0f;
+    const float pairs = 0.5f * sides * n * (sides * n + 1.0f + PAIRS * cost->pairs);
+    const float split = cost->zones > 0.0f ? SPLIT : 1.0f;
+    return split * (pairs * (PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR) +
+                             seams) +
+                    sides * n *
+                        (PRICE(cost, GATHER) + 0.75f * PRICE(cost, POINT) +
+                         0.25f * (float)level.modes * PRICE(cost, MODE_AT)));
 }
 
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active) {
@@ -107,8 +223,13 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active) {
-    const float n = (float)count, a = (float)active, modes = (float)level.modes;
-    const float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
+    const float sides = 1.0f + PAIRS * cost->pairs, n = sides * (float)count,
+                a = sides * (float)active;
+    const float modes = (float)level.modes;
+    float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
+    if (cost->zones > 0.0f)
+        corners += cost->zones * (cost->solve + 4.0f * cost->unknowns * PRICE(cost, SEAM_MODE)) +
+                   (6.0f * a + 3.0f * n) * felt(cost);
     float sum = cost->tools * PRICE(cost, FINISH) +
                 n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +

@@ -13,19 +13,46 @@
 #include "core/base/price.h"
 #include "core/contact/contact.h"
 
+/* Of one thing that presses. */
+typedef struct {
+    float evaluation, nodes, rows;
+} palp_contact_presser;
+
 typedef struct {
     palp_prices price;
-    float tools, evaluation, nodes, rows, ring;
+    palp_contact_presser presser[PALP_CONTACT_TOOLS + 1u]; /* the tools; last: another zone */
+    float tools, evaluation, nodes, rows, ring;            /* the most of them */
     uint32_t modes;
     bool friction;
+    float patches;      /* tools, and pairs of zones */
+    float zones, pairs; /* of a multizone model, else 0; 1 if zones touch each other */
+    float bent;         /* to say how a node of a zone is bent: PLACE + M PLACE_MODE */
+    /* of the level of the seams in use: unknowns, palp_seams_cost_solve, palp_seams_cost_forward */
+    float unknowns, solve, forward;
+    float cells; /* most nodes in 27 cells of a zone */
 } palp_contact_cost;
 
 /* Cost of this: the cells of the grid, times those around a tool. */
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price);
 
+/* The same of a multizone model, the worst of its zones in each count; seams on the finest level.
+ */
+palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool pairs,
+                                             const palp_tool *tools, uint32_t tool_count,
+                                             const palp_prices *price);
+
+/* A level of the body, or of the zones. */
+palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32_t level);
+
+/* palp_contact_begin on a multizone model: zones tools SOUGHT, and where zones touch each other
+ * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs followed) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
+ * CROSSING + cells AROUND) + 4 pairs followed ring AROUND. */
+float palp_contact_cost_place(const palp_contact_cost *cost);
+
 /* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + GIVEN) + shots
- * SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h. */
+ * SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h
+ * + bent BENT; between zones an evaluation is a shot as well. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
@@ -34,13 +61,27 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
+/* The same of the lattice of one tool, or of two zones: PALP_CONTACT_TOOLS. */
+float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_level level,
+                                uint32_t tool);
+
+/*
+ * Of a multizone model, with BENT = PLACE + M PLACE_MODE, M modes of a zone's seams, FELT the same
+ * of the level in use, and as many sides as points, or half as many again where zones touch each
+ * other, there are on top
+ *
+ *   points     1.4 times as much, and a side: 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN;
+ * of two SHOT + CROSSINGS CROSSING fill       1.75 times as much: places are turned assemble   1.4
+ * times as much, and a pair of sides: 2 unknowns MODE_PAIR finish     zones (solve + 4 unknowns
+ * SEAM_MODE) + 6 sides in contact FELT + corners FELT
+ */
 
 /* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) */
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count);
 
 /* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + count
- * (GATHER + POINT / 2 + modes MODE_AT / 4) */
+ * (GATHER + 3/4 POINT + modes MODE_AT / 4) */
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count);
 

@@ -88,6 +88,11 @@ void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_
     f->force_N = f->slipping ? palp_scale(most / length, force) : force;
 }
 
+void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {
+    friction->anchor_m = palp_add(friction->anchor_m, by_m);
+    friction->tool_m = palp_add(friction->tool_m, by_m);
+}
+
 void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m) {
     friction->tool_m = tool_m;
     if (friction->touching && friction->slipping)

@@ -41,6 +41,9 @@ void palp_friction_reset(palp_friction *friction);
 void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_t tool,
                          palp_vec3 rest_m, float stiffness_N_per_m);
 
+/* The body that it is on has moved. */
+void palp_friction_carry(palp_friction *friction, palp_vec3 by_m);
+
 /* Once the tool is where it comes to rest: while slipping the anchor follows it. */
 void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m);
 

@@ -29,21 +29,22 @@ typedef struct {
     float cell;
 } pull;
 
-/* d/dy_i and d/dn_i of sum_j f_i B_ij f_j, without the factor (1 + nu) / (pi E). */
-static pull half_space_pull(const palp_contact *c, uint32_t i) {
+/* d/dy_i and d/dn_i of sum_j f_i B_ij f_j over the forces on one body, without its factor. */
+static pull half_space_pull(const palp_contact *c, uint32_t i, const palp_contact_run *in_contact,
+                            float nu) {
     const palp_contact_point *point = &c->point[i];
-    const float nu = c->surface.poisson, rest = 0.5f - nu, plain = 1.0f - nu;
+    const float rest = 0.5f - nu, plain = 1.0f - nu;
     const palp_vec3 y = point->at.y, n = point->at.n, f = palp_scale(point->force_N, point->m);
-    const float cell = point->cell_m, tool = (float)point->tool;
+    const float cell = point->cell_m, patch = (float)point->patch;
     const float *const *in = (const float *const *)c->pressed;
     float lane[6][LANES] = {{0}};
-    for (uint32_t first = 0; first < c->active_count; first += LANES) {
+    for (uint32_t first = in_contact->first; first < in_contact->end; first += LANES) {
         for (uint32_t k = 0; k < LANES; k++) {
             uint32_t j = first + k;
             float gx = in[IN_F][j], gy = in[IN_F + 1][j], gz = in[IN_F + 2][j];
             float ex = y.x - in[IN_Y][j], ey = y.y - in[IN_Y + 1][j], ez = y.z - in[IN_Y + 2][j];
             float r2 = ex * ex + ey * ey + ez * ez, s2 = cell * in[IN_CELL][j];
-            float other = palp_abs(tool - in[IN_TOOL][j]) > 0.5f ? 1.0f : 0.0f;
+            float other = palp_abs(patch - in[IN_PATCH][j]) > 0.5f ? 1.0f : 0.0f;
             float apart = r2 + other * SPREAD2 * s2, least = NEAREST2 * s2;
             bool counts = r2 > 0.0f && (apart >= least || other > 0.5f);
             float inverse = counts ? 1.0f / palp_sqrt(apart) : 0.0f;
@@ -76,8 +77,8 @@ static pull half_space_pull(const palp_contact *c, uint32_t i) {
 }
 
 /* The same of the point's own B, which its cell and normal decide. */
-static void add_self(const palp_contact *c, const palp_contact_point *p, pull *sum) {
-    float nu = c->surface.poisson, cell = p->cell_m, scale = PALP_LATTICE_SELF / cell;
+static void add_self(const palp_surface *s, const palp_contact_point *p, pull *sum) {
+    float nu = s->poisson, cell = p->cell_m, scale = PALP_LATTICE_SELF / cell;
     float f2 = p->force_N * p->force_N, along = palp_dot(p->m, p->at.n);
     sum->n = palp_madd(sum->n, -0.5f * nu * scale * f2 * along, p->m);
     sum->cell -= 0.5f * scale / cell * f2 * (1.0f - nu + 0.5f * nu * (1.0f - along * along));
@@ -112,11 +113,11 @@ typedef struct {
 
 /* What does not depend on the move: derivatives at a point. */
 typedef struct {
-    float dy_dq[9], dn_dq[9];
-    palp_vec3 facet;    /* over its slant to the shot */
-    palp_vec3 out;      /* gradient of the gap with respect to the tool's place */
-    palp_vec3 out_q;    /* and to q */
-    palp_vec3 facing_q; /* of n . direction */
+    float dy_dq[9], dn_dq[9]; /* in the body's frame; the others where it is */
+    palp_vec3 facet;          /* over its slant to the shot */
+    palp_vec3 out;            /* gradient of the gap with respect to the tool's place */
+    palp_vec3 out_q;          /* and to q */
+    palp_vec3 facing_q;       /* of n . direction */
 } point_slopes;
 
 static palp_vec3 times(const float m[9], palp_vec3 v) {
@@ -129,36 +130,47 @@ static palp_vec3 transposed(const float m[9], palp_vec3 v) {
                        m[2] * v.x + m[5] * v.y + m[8] * v.z};
 }
 
+/* M v or, `back`, M^T v for a matrix of the body's frame and a vector where the body is. */
+static palp_vec3 where_it_is(const palp_contact *c, const palp_contact_point *p, const float m[9],
+                             palp_vec3 v, bool back) {
+    v = palp_contact_inward(c, p->at.body, v);
+    return palp_contact_outward(c, p->at.body, back ? transposed(m, v) : times(m, v));
+}
+
 static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p) {
-    const palp_surface *s = &c->surface;
-    const palp_lattice *l = &c->lattice[p->tool];
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const palp_surface *s = &c->surface[p->at.body];
+    const palp_lattice *l = &patch->lattice;
     const uint32_t *v = s->blob->triangle + 3u * (size_t)p->at.triangle;
     point_slopes z;
     palp_surface_slopes(s, &p->at, z.dy_dq, z.dn_dq);
     palp_vec3 x0 = palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[0]);
     palp_vec3 normal = palp_cross(palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[1]), x0),
                                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
+    normal = palp_contact_outward(c, p->at.body, normal);
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     const palp_given *given = &l->used.given;
-    palp_vec3 at = palp_sub(c->tool_m[p->tool], given->mean_m);
+    palp_vec3 at = palp_sub(patch->tool_m, given->mean_m);
     float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
-    palp_vec3 y = palp_add(p->at.y, palp_given_beside(given, p->at.y, &gone));
-    z.out = palp_tool_gap(&c->tools[p->tool], at, y).normal;
-    z.out_q = transposed(
-        z.dy_dq, palp_add(z.out, palp_scale(1.0f - gone, palp_given_turned_back(given, z.out))));
-    z.facing_q = transposed(z.dn_dq, p->direction);
+    palp_vec3 y = palp_add(p->y, palp_given_beside(given, p->y, &gone));
+    z.out = palp_tool_gap(&c->tools[patch->tool], at, y).normal;
+    z.out_q = where_it_is(
+        c, p, z.dy_dq,
+        palp_add(z.out, palp_scale(1.0f - gone, palp_given_turned_back(given, z.out))), true);
+    z.facing_q = where_it_is(c, p, z.dn_dq, p->direction, true);
     return z;
 }
 
 /* `tool`: how the tool moves itself. */
-static point_move move_point(const palp_contact_point *p, const point_slopes *z, bool central,
-                             const shot_move *shot, palp_vec3 tool) {
+static point_move move_point(const palp_contact *c, const palp_contact_point *p,
+                             const point_slopes *z, bool central, const shot_move *shot,
+                             palp_vec3 tool) {
     point_move d;
     palp_vec3 aim = palp_madd(shot->from, p->shot_m, shot->direction);
     d.q = palp_madd(aim, -palp_dot(z->facet, aim), p->direction);
     d.n = (palp_vec3){.x = 0.0f};
-    if (!central) d.n = times(z->dn_dq, d.q);
-    float facing = -palp_dot(z->facing_q, d.q) - palp_dot(p->at.n, shot->direction);
+    if (!central) d.n = where_it_is(c, p, z->dn_dq, d.q, false);
+    float facing = -palp_dot(z->facing_q, d.q) - palp_dot(p->n, shot->direction);
     float length = palp_dot(palp_sub(d.q, shot->from), p->direction);
     d.cell = palp_lattice_cell_slope(p) * facing + p->cell_m * shot->log_cell;
     if (central) d.cell += p->cell_m * length / p->shot_m;
@@ -169,9 +181,9 @@ static point_move move_point(const palp_contact_point *p, const point_slopes *z,
 /* How the shot of a point moves in each of the directions, and the tool with it. */
 static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_move shot[MOVES],
                        palp_vec3 tool[MOVES]) {
-    const palp_lattice *l = &c->lattice[p->tool];
-    const palp_lattice_state *s = &l->used;
-    const bool central = palp_lattice_is_central(&c->tools[p->tool]);
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const palp_lattice_state *s = &patch->lattice.used;
+    const bool central = palp_lattice_is_central(&c->tools[patch->tool]);
     const float a = s->spacing * ((float)p->i + 0.5f * (float)p->j);
     const float b = s->spacing * PALP_LATTICE_CELL * (float)p->j;
     const palp_vec3 side = palp_madd(palp_scale(a, s->tangent[0]), b, s->tangent[1]);
@@ -223,7 +235,7 @@ static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3
     f->d2[k] += dw * area + w * darea;
     palp_vec3 moved = central ? shot->direction : d->q;
     f->dtoward[k] = palp_add(f->dtoward[k], palp_madd(palp_scale(dw, off), w, moved));
-    if (!central) f->dout[k] = palp_add(f->dout[k], palp_madd(palp_scale(dw, p->at.n), w, d->n));
+    if (!central) f->dout[k] = palp_add(f->dout[k], palp_madd(palp_scale(dw, p->n), w, d->n));
 }
 
 /* Derivatives of the equations r that the lattice obeys, in direction k. */
@@ -262,9 +274,10 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
 }
 
 /* Adds Q_p dp/dc. */
-static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_sums *f) {
-    const palp_tool *tool = &c->tools[t];
-    const palp_lattice *l = &c->lattice[t];
+static palp_vec3 follow_force(const palp_contact *c, const palp_contact_patch *patch,
+                              const follow_sums *f) {
+    const palp_tool *tool = &c->tools[patch->tool];
+    const palp_lattice *l = &patch->lattice;
     const bool central = palp_lattice_is_central(tool), flat = palp_lattice_is_flat(tool);
     const float cells = (float)c->level.cells * c->crowd;
     float r[MOVES][PARAMETERS], a[PARAMETERS * PARAMETERS];
@@ -295,88 +308,107 @@ static palp_vec3 follow_force(const palp_contact *c, uint32_t t, const follow_su
 /* Derivatives of Q with respect to q (through y, n and the weights), and to the cell. */
 static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i,
                     const point_slopes *z) {
-    const palp_surface *s = &c->surface;
+    const uint32_t body = p->at.body;
+    const palp_surface *s = &c->surface[body];
     const palp_vec3 f = palp_scale(p->force_N, p->m);
     palp_vec3 gradient[3];
-    pull sum = half_space_pull(c, i);
-    add_self(c, p, &sum);
-    sum.y = palp_madd(f, s->compliance_m2_per_N, sum.y);
-    sum.n = palp_scale(s->compliance_m2_per_N, sum.n);
-    sum.cell *= s->compliance_m2_per_N;
+    pull sum = {.cell = 0.0f};
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        const palp_contact_run *in = &c->pressed_of[b];
+        if (in->end == in->first) continue;
+        const palp_half_space h = palp_contact_half_space(c, body, b);
+        pull by = half_space_pull(c, i, in, h.poisson);
+        if (b == body) add_self(s, p, &by);
+        sum.y = palp_madd(sum.y, h.factor, by.y);
+        sum.n = palp_madd(sum.n, h.factor, by.n);
+        sum.cell += h.factor * by.cell;
+    }
+    sum.y = palp_add(f, sum.y);
     sum.y = palp_add(transposed(z->dy_dq, sum.y), transposed(z->dn_dq, sum.n));
     palp_surface_gradients(s, p->at.triangle, gradient);
     for (uint32_t k = 0; k < 3u; k++) {
-        float along = palp_dot(f, c->node_u_m[c->corner[i][k]]);
+        palp_vec3 u = c->node_u_m[c->corner[i][k]];
+        if (c->assembly != NULL) u = palp_add(u, c->node_bent_m[c->corner[i][k]]);
+        float along = palp_dot(f, u);
         sum.y = palp_madd(sum.y, along, gradient[k]);
     }
+    sum.y = palp_contact_outward(c, body, sum.y);
     return sum;
 }
 
 static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     const palp_contact_point *p = &c->point[i];
-    const palp_lattice *l = &c->lattice[p->tool];
-    const bool central = palp_lattice_is_central(&c->tools[p->tool]);
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const palp_lattice *l = &patch->lattice;
+    const bool central = palp_lattice_is_central(&c->tools[patch->tool]);
     const point_slopes z = slopes_of(c, p);
     shot_move shot[MOVES];
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
     if (p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
-    const palp_vec3 moved = palp_sub(c->tool_m[p->tool], l->used.given.mean_m);
+    const palp_vec3 moved = palp_sub(patch->tool_m, l->used.given.mean_m);
     const palp_vec3 origin = palp_add(moved, l->used.origin_m);
-    palp_vec3 off = central ? p->direction : palp_sub(p->at.q, origin);
+    palp_vec3 off = central ? p->direction : palp_sub(p->q, origin);
     float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
     bool deepest = p->overlap_m > f->deepest;
     f->s0 += w;
     f->s1 += w * p->overlap_m;
     f->s2 += w * area;
     f->toward = palp_madd(f->toward, w, off);
-    f->out = palp_madd(f->out, w, p->at.n);
+    f->out = palp_madd(f->out, w, p->n);
     if (deepest) f->deepest = p->overlap_m;
     shot_moves(c, p, shot, tool);
-    const bool flat = palp_lattice_is_flat(&c->tools[p->tool]);
+    const bool flat = palp_lattice_is_flat(&c->tools[patch->tool]);
     for (uint32_t k = 0; k < MOVES; k++) {
         if (k >= 3u && !is_free(l, central, flat, k - 3u)) continue;
-        point_move d = move_point(p, &z, central, &shot[k], tool[k]);
+        point_move d = move_point(c, p, &z, central, &shot[k], tool[k]);
         add_to_follow(f, p, off, &d, &shot[k], central, k);
         if (deepest) f->ddeepest[k] = d.overlap;
         f->q[k] += palp_dot(of_q.y, d.q) + of_q.cell * d.cell;
     }
 }
 
-/* (1 - dh/dc)^T v. d is from the energy, F (h . n / 2 + 2 d / 5). */
-static palp_vec3 seen_from_given(const palp_contact *c, uint32_t t, palp_vec3 v) {
+/* (1 - dh/dc)^T v. d is from the energy, F (h . n / 2 + 2 d / 5). What a zone is bent by without
+ * contact is not given by the force. */
+static palp_vec3 seen_from_given(const palp_contact *c, uint32_t k, palp_vec3 v) {
+    const palp_contact_patch *patch = &c->patch[k];
     palp_vec3 push = {0};
     float energy = 0.0f;
+    uint32_t used = 0;
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_contact_point *p = &c->point[c->active[a]];
-        if (p->tool != t) continue;
-        push = palp_madd(push, p->force_N, p->m);
+        if (p->patch != k) continue;
+        push = palp_madd(push, p->force_N, p->out);
         energy += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
     }
+    for (uint32_t n = 0; n < c->patches; n++) used += c->patch[n].used ? 1u : 0u;
     const float force = palp_norm(push);
     if (!(force > 0.0f)) return v;
-    const palp_vec3 n = palp_scale(1.0f / force, push), h = c->lattice[t].used.given.mean_m;
+    const palp_vec3 n = palp_scale(1.0f / force, push);
+    const palp_vec3 h = palp_sub(patch->lattice.used.given.mean_m, patch->bent_used.mean_m);
     const float along = palp_dot(h, n);
     if (!(along > 0.0f)) return v;
     const float local = palp_max(energy / force - 0.5f * along, 0.0f);
     float room = along + 5.0f / 3.0f * local;
-    if (c->tool_count > 1u) room = palp_max(room, palp_norm(h)); /* others move the body too */
+    if (used > 1u) room = palp_max(room, palp_norm(h)); /* others move the body too */
     return palp_madd(v, -palp_dot(h, v) / room, n);
 }
 
-void palp_contact_exact(palp_contact *contact, palp_vec3 beyond_N[PALP_CONTACT_TOOLS]) {
+void palp_contact_exact(palp_contact *contact) {
     palp_contact *c = contact;
-    for (uint32_t t = 0; t < c->tool_count; t++) {
+    for (uint32_t k = 0; k < c->patches; k++) {
+        palp_contact_patch *patch = &c->patch[k];
         follow_sums f = {.s0 = 0.0f};
         bool any = false;
+        if (!patch->used || patch->tool == PALP_CONTACT_TOOLS) continue;
         for (uint32_t i = 0; i < c->count; i++) {
-            if (c->point[i].tool != t) continue;
+            if (c->point[i].patch != k) continue;
             add_point(c, i, &f);
             any = any || c->point[i].force_N > 0.0f;
         }
         if (!any) continue;
         const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};
-        beyond_N[t] = seen_from_given(c, t, palp_add(moved, follow_force(c, t, &f)));
+        patch->beyond_N = seen_from_given(c, k, palp_add(moved, follow_force(c, patch, &f)));
     }
     c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

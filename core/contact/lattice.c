@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "lattice.h"
+#include "core/contact/lattice.h"
+#include "core/contact/facing.h"
 
 #define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
 #define DAMPED 0.4f    /* share of a change that turns back on the last one */
@@ -17,6 +18,7 @@
 #define KEPT 0.25f     /* gap over the size up to which points stay that carried force */
 #define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
 #define FADE 0.15f     /* above FACING, in which cells grow to their full size */
+#define HOPS 4u        /* zones that one shot goes through */
 #define FEET 4u        /* steps towards the nearest point of the surface */
 #define WANTED 0xfffeu /* in the table: a place not looked at yet whose point is to be kept */
 #define PLACE_MOST 16000  /* largest place in a lattice */
@@ -26,6 +28,54 @@ bool palp_lattice_is_central(const palp_tool *tool) { return tool->balls == 1u; 
 
 bool palp_lattice_is_flat(const palp_tool *tool) {
     return tool->balls == 0u && !(tool->cylinder.radius_m > 0.0f);
+}
+
+/* Of two bodies the lattice is that of a tool that is neither. */
+static bool is_central(const palp_lattice_room *r) {
+    return r->other == NULL && palp_lattice_is_central(r->tool);
+}
+
+static bool is_flat(const palp_lattice_room *r) {
+    return r->other == NULL && palp_lattice_is_flat(r->tool);
+}
+
+/* ---- frames ---- */
+
+static const palp_surface *surface_of(const palp_lattice_room *r, uint32_t body) {
+    return &r->surface[body - r->first_body];
+}
+
+static const palp_frame *frame_of(const palp_lattice_room *r, uint32_t body) {
+    return &r->frame[body - r->first_body];
+}
+
+/* From a body's frame to the world: places and directions; and back. */
+static palp_vec3 out_of(const palp_lattice_room *r, uint32_t body, palp_vec3 x) {
+    return r->frame != NULL ? palp_carry(frame_of(r, body), x) : x;
+}
+
+static palp_vec3 turned_out(const palp_lattice_room *r, uint32_t body, palp_vec3 v) {
+    return r->frame != NULL ? palp_rotate(frame_of(r, body)->r, v) : v;
+}
+
+static palp_vec3 into(const palp_lattice_room *r, uint32_t body, palp_vec3 x) {
+    return r->frame != NULL ? palp_carry_back(frame_of(r, body), x) : x;
+}
+
+static palp_vec3 turned_in(const palp_lattice_room *r, uint32_t body, palp_vec3 v) {
+    return r->frame != NULL ? palp_rotate_back(frame_of(r, body)->r, v) : v;
+}
+
+static palp_vec3 place_of(const palp_lattice_room *r, const palp_surface_point *at) {
+    return out_of(r, at->body, at->y);
+}
+
+static palp_vec3 normal_of(const palp_lattice_room *r, const palp_surface_point *at) {
+    return turned_out(r, at->body, at->n);
+}
+
+static palp_vec3 node_at(const palp_lattice_room *r, uint32_t body, uint32_t node) {
+    return out_of(r, body, palp_vec3_at(surface_of(r, body)->blob->rest_m + 3u * (size_t)node));
 }
 
 /* ---- table of places ---- */
@@ -89,11 +139,23 @@ static palp_vec3 beside(const filling *f, palp_vec3 y, float *gone) {
     return palp_madd(u, *gone, far);
 }
 
-/* The gap at a place of the surface, as the body as a whole has moved it. */
-static palp_gap gap_of(const filling *f, palp_vec3 y) {
-    float gone;
+/* The gap at a place that the body has been moved to, seen from what presses. */
+static palp_gap gap_at(filling *f, palp_vec3 y) {
+    const palp_lattice_room *r = f->r;
     f->r->done->evaluations++;
-    return palp_tool_gap(f->r->tool, f->moved_m, palp_add(y, beside(f, y, &gone)));
+    if (r->other == NULL) return palp_tool_gap(r->tool, f->moved_m, y);
+    const palp_vec3 x = palp_add(y, palp_sub(r->tool_m, f->moved_m));
+    uint32_t hint[2] = {f->l->facing, r->facing};
+    r->done->shots++;
+    palp_gap gap = palp_facing_gap(r->other, r->other_frame, x, f->l->at.axis, &f->crossings, hint);
+    f->l->facing = hint[0];
+    return gap;
+}
+
+/* The gap at a place of the surface, as the body as a whole has moved it. */
+static palp_gap gap_of(filling *f, palp_vec3 y) {
+    float gone;
+    return gap_at(f, palp_add(y, beside(f, y, &gone)));
 }
 
 static palp_vec3 direction_of(const filling *f, float a, float b) {
@@ -127,6 +189,26 @@ float palp_lattice_cell_slope(const palp_contact_point *p) {
     return p->cell_m * (fade - 0.5f / p->facing);
 }
 
+/* Where a line enters the surface, beginning on at->triangle of at->body and going on beyond seams.
+ */
+static bool enter(filling *f, palp_vec3 from, palp_vec3 direction, palp_surface_point *at) {
+    const palp_lattice_room *r = f->r;
+    for (uint32_t hop = 0; hop < HOPS; hop++) {
+        uint32_t edge = 0;
+        palp_walk walk =
+            palp_surface_walk(surface_of(r, at->body), into(r, at->body, from),
+                              turned_in(r, at->body, direction), &f->crossings, at, &edge);
+        if (walk != PALP_AT_SEAM) return walk == PALP_ENTERED;
+        if (r->beyond == NULL) return false;
+        const uint32_t beyond =
+            r->beyond[at->body - r->first_body][3u * (size_t)at->triangle + edge];
+        if (beyond == PALP_NONE) return false;
+        at->body = beyond >> 24u;
+        at->triangle = beyond & 0xffffffu;
+    }
+    return false;
+}
+
 /* What the shot at (a, b) of the map meets, beginning on p->at.triangle; false if there is nothing
  * to touch. `pressed`: it carried force in the last tick. */
 static bool shoot(filling *f, float a, float b, bool pressed, palp_contact_point *p) {
@@ -138,26 +220,28 @@ static bool shoot(filling *f, float a, float b, bool pressed, palp_contact_point
         from = palp_madd(from, b, l->at.tangent[1]);
     }
     f->r->done->shots++;
-    if (!palp_surface_shoot(f->r->surface, from, p->direction, &f->crossings, &p->at)) return false;
-    p->shot_m = palp_dot(palp_sub(p->at.q, from), p->direction);
-    p->facing = -palp_dot(p->at.n, p->direction);
+    if (!enter(f, from, p->direction, &p->at)) return false;
+    p->q = out_of(f->r, p->at.body, p->at.q);
+    p->y = place_of(f->r, &p->at);
+    p->n = normal_of(f->r, &p->at);
+    p->shot_m = palp_dot(palp_sub(p->q, from), p->direction);
+    p->facing = -palp_dot(p->n, p->direction);
     float gone;
-    palp_vec3 y = palp_add(p->at.y, beside(f, p->at.y, &gone));
-    palp_gap gap = palp_tool_gap(f->r->tool, f->moved_m, y);
-    f->r->done->evaluations++;
+    palp_vec3 y = palp_add(p->y, beside(f, p->y, &gone));
+    palp_gap gap = gap_at(f, y);
     p->overlap_m = palp_max(-gap.gap_m, 0.0f);
-    if (gap.gap_m >= (pressed ? KEPT * palp_tool_size(f->r->tool) : gone * f->unsure_m))
-        return false;
+    if (gap.gap_m >= (pressed ? KEPT * f->r->size_m : gone * f->unsure_m)) return false;
     if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;
-    if (palp_dot(gap.normal, p->at.n) >= 0.0f) return false;
+    if (palp_dot(gap.normal, p->n) >= 0.0f) return false;
     float cell = l->at.spacing / palp_sqrt(p->facing);
     if (f->central) cell *= p->shot_m;
     p->cell_m = cell * palp_min((p->facing - FACING) / FADE, 1.0f);
     return true;
 }
 
-/* Looks at a place of the lattice, unless it has been; beginning on `triangle`. */
-static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
+/* Looks at a place of the lattice, unless it has been; beginning on the triangle of `near`. */
+static void look(filling *f, int32_t i, int32_t j, const palp_surface_point *near) {
+    const uint32_t body = near->body, triangle = near->triangle; /* which may be overwritten */
     const palp_lattice_room *r = f->r;
     if (i < -PLACE_MOST || i > PLACE_MOST || j < -PLACE_MOST || j > PLACE_MOST) return;
     uint32_t key = key_of(i, j), slot = slot_of(r->table, key);
@@ -172,6 +256,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
     palp_contact_point *p = &r->point[*r->count];
     float a = f->l->at.spacing * ((float)i + 0.5f * (float)j),
           b = f->l->at.spacing * PALP_LATTICE_CELL * (float)j;
+    p->at.body = body;
     p->at.triangle = triangle;
     if (f->central && a * a + b * b >= 3.9f) return;
     if (!shoot(f, a, b, pressed, p)) return;
@@ -179,7 +264,7 @@ static void look(filling *f, int32_t i, int32_t j, uint32_t triangle) {
         f->full = true;
         return;
     }
-    p->tool = r->number;
+    p->patch = r->number;
     p->i = (int16_t)i;
     p->j = (int16_t)j;
     p->active = false;
@@ -217,10 +302,10 @@ static void want_pressed(const filling *f) {
     for (uint32_t k = 0; k < r->count_before && left > 0u; k++) {
         const palp_contact_point *p = &r->before[k];
         int32_t place[2];
-        if (p->tool != r->number || !(p->force_N > 0.0f)) continue;
+        if (p->patch != r->number || !(p->force_N > 0.0f)) continue;
         left--;
         r->done->evaluations++; /* it costs less */
-        if (!nearest_place(f, p->at.y, place)) continue;
+        if (!nearest_place(f, place_of(r, &p->at), place)) continue;
         uint32_t key = key_of(place[0], place[1]), slot = slot_of(r->table, key);
         r->table->key[slot] = key;
         r->table->point[slot] = WANTED;
@@ -232,13 +317,13 @@ static bool flood(filling *f, const palp_surface_point *seed) {
     static const int32_t step[6][2] = {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
     uint32_t before = *f->r->count;
     int32_t place[2];
-    if (!nearest_place(f, seed->y, place)) return false;
-    look(f, place[0], place[1], seed->triangle);
+    if (!nearest_place(f, place_of(f->r, seed), place)) return false;
+    look(f, place[0], place[1], seed);
     /* at most the room */
     for (uint32_t k = before; k < *f->r->count; k++) {
         const int32_t at[2] = {f->r->point[k].i, f->r->point[k].j};
-        uint32_t triangle = f->r->point[k].at.triangle;
-        for (uint32_t n = 0; n < 6u; n++) look(f, at[0] + step[n][0], at[1] + step[n][1], triangle);
+        const palp_surface_point near = f->r->point[k].at;
+        for (uint32_t n = 0; n < 6u; n++) look(f, at[0] + step[n][0], at[1] + step[n][1], &near);
     }
     return *f->r->count > before;
 }
@@ -260,9 +345,10 @@ static bool fill_region(filling *f, const palp_surface_point *from) {
 
 /* Direction from a ball's centre to the nearest point of the edges at a node: on a ridge the
  * deepest point may lie between nodes, where no normal leads to it. */
-static palp_vec3 way_to_edges(const filling *f, uint32_t node, palp_vec3 at) {
-    const palp_blob *b = f->r->surface->blob;
-    const palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node), back = palp_sub(at, x);
+static palp_vec3 way_to_edges(const filling *f, uint32_t body, uint32_t node, palp_vec3 at) {
+    const palp_blob *b = surface_of(f->r, body)->blob;
+    const palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
+    const palp_vec3 back = palp_sub(into(f->r, body, at), x);
     palp_vec3 way = palp_scale(-1.0f, back);
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         palp_vec3 e = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]), x);
@@ -271,7 +357,8 @@ static palp_vec3 way_to_edges(const filling *f, uint32_t node, palp_vec3 at) {
         f->r->done->around++;
         if (palp_dot(to, to) < palp_dot(way, way)) way = to;
     }
-    return palp_scale(1.0f / palp_max(palp_norm(way), 1e-30f), way);
+    way = palp_scale(1.0f / palp_max(palp_norm(way), 1e-30f), way);
+    return turned_out(f->r, body, way);
 }
 
 /* Where a tool looks for its foot from: a ball's centre, seen from the surface at rest; of any
@@ -290,33 +377,34 @@ static bool find_foot(filling *f, uint32_t node, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
     if (f->feet == 0u) return false;
     f->feet--;
-    palp_gap least = gap_of(f, p->y);
+    palp_gap least = gap_of(f, place_of(r, p));
     palp_vec3 best = least.normal, way = best;
     palp_surface_point trial = *p;
-    if (f->central) way = best = way_to_edges(f, node, foot_from(f, p->y, least));
+    if (f->central)
+        way = best = way_to_edges(f, p->body, node, foot_from(f, place_of(r, p), least));
     bool met = false;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_vec3 at = foot_from(f, p->y, least);
+        palp_vec3 at = foot_from(f, place_of(r, p), least);
         r->done->shots++;
-        if (!palp_surface_shoot(r->surface, at, way, &f->crossings, &trial)) break;
-        palp_gap gap = gap_of(f, trial.y);
+        if (!enter(f, at, way, &trial)) break;
+        palp_gap gap = gap_of(f, place_of(r, &trial));
         if (gap.gap_m < least.gap_m || !met) {
             best = way;
             least = gap;
             *p = trial;
             met = true;
-            way = palp_scale(-1.0f, p->n);
+            way = palp_scale(-1.0f, normal_of(r, p));
         } else {
             way = palp_add(way, best);
             way = palp_scale(1.0f / palp_max(palp_norm(way), 1e-6f), way);
         }
     }
-    return met && palp_dot(least.normal, p->n) < 0.0f;
+    return met && palp_dot(least.normal, normal_of(r, p)) < 0.0f;
 }
 
-static palp_surface_point point_at_node(const palp_surface *s, uint32_t node) {
-    const palp_blob *b = s->blob;
-    palp_surface_point p = {.triangle = b->regular.triangle[node]};
+palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node) {
+    const palp_blob *b = surface->blob;
+    palp_surface_point p = {.body = body, .triangle = b->regular.triangle[node]};
     p.q = p.y = palp_vec3_at(b->rest_m + 3u * (size_t)node);
     p.n = palp_vec3_at(b->normal + 3u * (size_t)node);
     return p;
@@ -342,14 +430,12 @@ static cell_range cells_around(const palp_blob *b, palp_vec3 c, float reach) {
 }
 
 /* No neighbour lies deeper in the tool. */
-static bool is_deepest(filling *f, uint32_t node, float gap_m) {
-    const palp_lattice_room *r = f->r;
-    const palp_blob *b = r->surface->blob;
+static bool is_deepest(filling *f, uint32_t body, uint32_t node, float gap_m) {
+    const palp_blob *b = surface_of(f->r, body)->blob;
     if (f->rings == 0u) return false;
     f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
-        palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)b->ring[k]);
-        if (gap_of(f, x).gap_m < gap_m) return false;
+        if (gap_of(f, node_at(f->r, body, b->ring[k])).gap_m < gap_m) return false;
     }
     return true;
 }
@@ -359,13 +445,14 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
 }
 
 /* Before there is a lattice: the deepest place, and the area that nodes see overlapped. */
-static void measure_node(filling *f, uint32_t node, float gap_m) {
-    if (gap_m < 0.0f) f->area_m2 += f->r->surface->blob->area_m2[node];
-    if (gap_m >= f->gap_m && !is_deepest(f, node, gap_m)) return;
-    palp_surface_point p = point_at_node(f->r->surface, node), foot = p;
+static void measure_node(filling *f, uint32_t body, uint32_t node, float gap_m) {
+    const palp_surface *surface = surface_of(f->r, body);
+    if (gap_m < 0.0f) f->area_m2 += surface->blob->area_m2[node];
+    if (gap_m >= f->gap_m && !is_deepest(f, body, node, gap_m)) return;
+    palp_surface_point p = palp_lattice_at_node(surface, body, node), foot = p;
     float least = gap_m;
     if (find_foot(f, node, &foot)) {
-        float gap = gap_of(f, foot.y).gap_m;
+        float gap = gap_of(f, place_of(f->r, &foot)).gap_m;
         if (gap < least) p = foot;
         least = palp_min(gap, least);
     }
@@ -375,16 +462,16 @@ static void measure_node(filling *f, uint32_t node, float gap_m) {
 }
 
 /* A region that no place of the lattice has shown yet. */
-static void seek_region(filling *f, uint32_t node, float gap_m) {
-    palp_surface_point p = point_at_node(f->r->surface, node);
+static void seek_region(filling *f, uint32_t body, uint32_t node, float gap_m) {
+    palp_surface_point p = palp_lattice_at_node(surface_of(f->r, body), body, node);
     if (gap_m < 0.0f) {
-        if (is_known(f, p.y)) return;
+        if (is_known(f, place_of(f->r, &p))) return;
         (void)fill_region(f, &p);
         return;
     }
-    if (!is_deepest(f, node, gap_m)) return;
-    if (!find_foot(f, node, &p) || is_known(f, p.y)) return;
-    if (gap_of(f, p.y).gap_m >= 0.0f) return;
+    if (!is_deepest(f, body, node, gap_m)) return;
+    if (!find_foot(f, node, &p) || is_known(f, place_of(f->r, &p))) return;
+    if (gap_of(f, place_of(f->r, &p)).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
 }
 
@@ -392,9 +479,26 @@ static void seek_region(filling *f, uint32_t node, float gap_m) {
 static void place_watched(palp_lattice *l, const palp_lattice_room *r) {
     for (uint32_t k = 0; k < l->watched; k++) {
         palp_lattice_watch *w = &l->watch[k];
-        w->u_m = palp_surface_corner(r->surface, w->node, r->far_modes, r->load);
+        const palp_surface *surface = surface_of(r, w->body);
+        w->u_m = palp_surface_corner(surface, w->node, r->far_modes, r->load);
         w->u_m = palp_scale(r->share, w->u_m);
+        w->u_m = palp_add(w->u_m, palp_surface_bent(surface, w->node));
+        w->u_m = turned_out(r, w->body, w->u_m);
     }
+}
+
+/* Between two bodies each look crosses the triangles of both. */
+static uint32_t crossings_of(const palp_lattice_room *r) {
+    const uint32_t crossings = PALP_LATTICE_CROSSINGS(r->most);
+    return r->other != NULL ? PALP_LATTICE_BETWEEN * crossings : crossings;
+}
+
+/* The longest mean edge. */
+static float edge_of(const palp_lattice_room *r) {
+    float edge = 0.0f;
+    for (uint32_t b = 0; b < r->bodies; b++)
+        edge = palp_max(edge, r->surface[b].blob->meta->mean_edge_m);
+    return edge;
 }
 
 static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
@@ -404,15 +508,14 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
     *f = (filling){.l = l,
                    .r = r,
                    .moved_m = moved,
-                   .central = palp_lattice_is_central(r->tool),
+                   .central = is_central(r),
                    .first = first,
                    .looks = PALP_LATTICE_LOOKS(r->most),
-                   .crossings = PALP_LATTICE_CROSSINGS(r->most),
+                   .crossings = crossings_of(r),
                    .rings = PALP_LATTICE_RINGS(r->most),
                    .feet = PALP_LATTICE_FEET(r->most),
                    .unsure_m = UNSURE * palp_norm(r->given.mean_m),
-                   .far_m = ELSEWHERE * palp_norm(r->given.mean_m) +
-                            MARGIN * r->surface->blob->meta->mean_edge_m};
+                   .far_m = ELSEWHERE * palp_norm(r->given.mean_m) + MARGIN * edge_of(r)};
     *r->count = first;
     place_watched(l, r);
 }
@@ -441,41 +544,87 @@ static void offer(watch_list *list, const palp_given *given, palp_lattice_watch 
 
 typedef enum { MEASURE, SEEK } purpose;
 
-/* Each node near the tool that faces it. */
-static void visit_nodes(filling *f, purpose of) {
+/* How a node of a zone is bent, the more the nearer it is to the tool. */
+static void add_bent(const filling *f, palp_given_sums *sums, uint32_t body, uint32_t node,
+                     palp_vec3 v, float far) {
     const palp_lattice_room *r = f->r;
-    const palp_blob *b = r->surface->blob;
+    if (r->done->bent == PALP_LATTICE_BENT) return;
+    r->done->bent++;
+    palp_given_add(sums, (1.0f - far) * (1.0f - far) + 1e-3f, v,
+                   turned_out(r, body, palp_surface_bent(surface_of(r, body), node)), r->size_m);
+}
+
+/* What a visit of nodes finds besides. */
+typedef struct {
+    purpose of;
+    palp_vec3 c; /* about which nodes are looked at */
+    watch_list next;
+    palp_given_sums bent;
+} visit;
+
+static void visit_node(filling *f, visit *v, uint32_t body, uint32_t node) {
+    const palp_lattice_room *r = f->r;
+    const palp_surface *surface = surface_of(r, body);
+    const palp_blob *b = surface->blob;
+    const float margin = MARGIN * b->meta->mean_edge_m;
+    if (surface->assembly != NULL && palp_surface_is_inner(surface, b->regular.triangle[node]))
+        return;
+    palp_vec3 off = palp_sub(node_at(r, body, node), v->c);
+    r->done->around++;
+    if (palp_dot(off, off) > r->reach_m * r->reach_m) return;
+    palp_gap gap = gap_of(f, palp_add(v->c, off));
+    if (v->of == MEASURE && surface->assembly != NULL && gap.gap_m < r->size_m)
+        add_bent(f, &v->bent, body, node, off, palp_max(gap.gap_m / r->size_m, 0.0f));
+    if (gap.gap_m > f->far_m) return;
+    palp_vec3 n = turned_out(r, body, palp_vec3_at(b->normal + 3u * (size_t)node));
+    if (palp_dot(gap.normal, n) > 0.0f) return;
+    offer(&v->next, &f->l->at.given,
+          (palp_lattice_watch){
+              .body = body, .node = node, .x_m = palp_add(v->c, off), .gap_m = gap.gap_m});
+    if (gap.gap_m > margin) return;
+    if (v->of == MEASURE) measure_node(f, body, node, gap.gap_m);
+    if (v->of == SEEK) seek_region(f, body, node, gap.gap_m);
+}
+
+static void visit_body(filling *f, visit *v, uint32_t body) {
+    const palp_blob *b = surface_of(f->r, body)->blob;
     const palp_meta *m = b->meta;
-    const float margin = MARGIN * m->mean_edge_m;
-    const float reach = palp_lattice_reach(r->tool, b);
-    const palp_vec3 c = f->moved_m;
-    watch_list next = {.count = 0};
-    cell_range cells = cells_around(b, c, reach);
+    cell_range cells = cells_around(b, into(f->r, body, v->c), f->r->reach_m);
     for (uint32_t z = cells.low[2]; z <= cells.high[2]; z++) {
         for (uint32_t y = cells.low[1]; y <= cells.high[1]; y++) {
             uint32_t row = (z * m->cells[1] + y) * m->cells[0];
             uint32_t end = b->cell_offset[row + cells.high[0] + 1u];
-            r->done->around++;
-            for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++) {
-                uint32_t node = b->cell_node[k];
-                palp_vec3 v = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)node), c);
-                r->done->around++;
-                if (palp_dot(v, v) > reach * reach) continue;
-                palp_gap gap = gap_of(f, palp_add(c, v));
-                if (gap.gap_m > f->far_m) continue;
-                if (palp_dot(gap.normal, palp_vec3_at(b->normal + 3u * (size_t)node)) > 0.0f)
-                    continue;
-                offer(
-                    &next, &f->l->at.given,
-                    (palp_lattice_watch){.node = node, .x_m = palp_add(c, v), .gap_m = gap.gap_m});
-                if (gap.gap_m > margin) continue;
-                if (of == MEASURE) measure_node(f, node, gap.gap_m);
-                if (of == SEEK) seek_region(f, node, gap.gap_m);
-            }
+            f->r->done->around++;
+            for (uint32_t k = b->cell_offset[row + cells.low[0]]; k < end; k++)
+                visit_node(f, v, body, b->cell_node[k]);
         }
     }
-    f->l->watched = next.count;
-    for (uint32_t k = 0; k < next.count; k++) f->l->watch[k] = next.of[k];
+}
+
+/* Whether a body's box, and as far as it may be bent, is within reach. */
+static bool is_in_reach(const palp_lattice_room *r, uint32_t body, palp_vec3 c) {
+    const palp_meta *m = surface_of(r, body)->blob->meta;
+    const palp_vec3 at = into(r, body, c);
+    const float x[3] = {at.x, at.y, at.z};
+    for (uint32_t k = 0; k < 3u; k++) {
+        if (x[k] < m->box_min_m[k] - r->reach_m || x[k] > m->box_max_m[k] + r->reach_m)
+            return false;
+    }
+    return true;
+}
+
+/* Each node near the tool that faces it. */
+static void visit_nodes(filling *f, purpose of) {
+    const palp_lattice_room *r = f->r;
+    visit v = {.of = of, .c = f->moved_m};
+    if (r->other != NULL) v.c = palp_add(v.c, f->l->at.origin_m);
+    for (uint32_t b = 0; b < r->bodies; b++) {
+        if (r->bodies == 1u || is_in_reach(r, r->first_body + b, v.c))
+            visit_body(f, &v, r->first_body + b);
+    }
+    if (of == MEASURE) f->l->bent = palp_given_fit(&v.bent, v.c);
+    f->l->watched = v.next.count;
+    for (uint32_t k = 0; k < v.next.count; k++) f->l->watch[k] = v.next.of[k];
 }
 
 /* ---- following the overlap ---- */
@@ -494,18 +643,17 @@ static void set_axis(palp_lattice *l, palp_vec3 axis) {
     l->at.tangent[1] = palp_cross(l->at.axis, l->at.tangent[0]);
 }
 
-static palp_vec3 center_of(const palp_tool *tool) {
-    return palp_lattice_is_central(tool) ? tool->ball[0].center_m : (palp_vec3){0};
+static palp_vec3 center_of(const palp_lattice_room *r) {
+    return is_central(r) ? r->tool->ball[0].center_m : (palp_vec3){0};
 }
 
-static void set_origin(palp_lattice *l, const palp_tool *tool) {
-    if (palp_lattice_is_central(tool))
-        l->at.origin_m = palp_madd(center_of(tool), -l->at.back_m, l->at.axis);
+static void set_origin(palp_lattice *l, const palp_lattice_room *r) {
+    if (is_central(r)) l->at.origin_m = palp_madd(center_of(r), -l->at.back_m, l->at.axis);
 }
 
 /* Spacing of `cells` cells in an area. */
 static float wanted_cell2(const palp_lattice_room *r, float area_m2) {
-    float size = palp_tool_size(r->tool), floor = FLOOR * size;
+    float floor = FLOOR * r->size_m;
     return (area_m2 + PALP_PI_F * floor * floor) / (PALP_LATTICE_CELL * r->cells);
 }
 
@@ -517,34 +665,43 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     l->went = (palp_vec3){0};
     l->grew = 0.0f;
     start_filling(&a, l, r, *r->count);
-    a.crossings = PALP_LATTICE_MEASURE;
+    const uint32_t crossings = r->other != NULL ? crossings_of(r) : PALP_LATTICE_MEASURE;
+    a.crossings = crossings;
     visit_nodes(&a, MEASURE);
     r->done->fillings++;
-    r->done->crossings += PALP_LATTICE_MEASURE - a.crossings;
+    r->done->crossings += crossings - a.crossings;
     if (!(a.gap_m < 0.0f)) return false;
-    float size = palp_tool_size(r->tool), depth = -a.gap_m;
-    palp_vec3 c = palp_add(a.moved_m, center_of(r->tool));
-    palp_gap gap = gap_of(&a, a.deepest.y);
-    if (palp_lattice_is_central(r->tool)) {
-        set_axis(l, palp_sub(a.deepest.y, c));
-        set_origin(l, r->tool);
+    float size = r->size_m, depth = -a.gap_m;
+    palp_vec3 c = palp_add(a.moved_m, center_of(r));
+    const palp_vec3 deepest = place_of(r, &a.deepest);
+    palp_gap gap = gap_of(&a, deepest);
+    if (is_central(r)) {
+        set_axis(l, palp_sub(deepest, c));
+        set_origin(l, r);
     } else {
-        set_axis(l, palp_lattice_is_flat(r->tool) ? r->tool->pad.axis[2] : gap.normal);
-        l->at.origin_m = palp_sub(a.deepest.y, a.moved_m);
+        set_axis(l, is_flat(r) ? r->tool->pad.axis[2] : gap.normal);
+        l->at.origin_m = palp_sub(deepest, a.moved_m);
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
     float area_m2 = palp_max(2.0f * PALP_PI_F * size * palp_min(depth, size), a.area_m2);
     float cell = palp_sqrt(wanted_cell2(r, 0.5f * area_m2));
     l->at.spacing = cell;
-    if (palp_lattice_is_central(r->tool)) {
-        float distance = palp_norm(palp_sub(a.deepest.y, palp_add(a.moved_m, l->at.origin_m)));
+    if (is_central(r)) {
+        float distance = palp_norm(palp_sub(deepest, palp_add(a.moved_m, l->at.origin_m)));
         l->at.spacing = palp_min(cell / palp_max(distance, 0.1f * size), 0.8f);
     }
     l->seeds = 1;
     l->seed[0] = a.deepest;
     l->placed = true;
     return true;
+}
+
+void palp_lattice_look_at(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m) {
+    palp_lattice *l = lattice;
+    *l = (palp_lattice){.placed = false};
+    set_axis(l, axis);
+    l->at.origin_m = given_m;
 }
 
 static float face_m2(const palp_tool *tool) {
@@ -555,9 +712,9 @@ static float face_m2(const palp_tool *tool) {
  * whole, what overlaps ends with the face: its mean place jumps as points come in at one side and
  * go out at the other, with the spacing after them, and a lattice that followed would go to and
  * fro. */
-static float covered(const palp_tool *tool, float area_m2) {
-    if (!palp_lattice_is_flat(tool)) return 0.0f;
-    return palp_clamp((area_m2 / face_m2(tool) - COVERS) / (COVERED - COVERS), 0.0f, 1.0f);
+static float covered(const palp_lattice_room *r, float area_m2) {
+    if (!is_flat(r)) return 0.0f;
+    return palp_clamp((area_m2 / face_m2(r->tool) - COVERS) / (COVERED - COVERS), 0.0f, 1.0f);
 }
 
 /* A change that turns back on the last one is damped, so that a lattice does not go to and fro
@@ -607,17 +764,17 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
         float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
-        palp_vec3 off = palp_sub(p->at.q, palp_add(f->moved_m, l->at.origin_m));
+        palp_vec3 off = palp_sub(p->q, palp_add(f->moved_m, l->at.origin_m));
         weight += w;
         square += w * p->overlap_m;
         cells += w * area;
         deepest = palp_max(deepest, p->overlap_m);
         aside = palp_madd(aside, w, off);
-        if (!f->central) out = palp_madd(out, -w, p->at.n);
+        if (!f->central) out = palp_madd(out, -w, p->n);
     }
     if (!(weight > 0.0f) || !(square > 0.0f)) return false;
     float area_m2 = 4.0f / 3.0f * weight * weight / square;
-    l->at.fixed = covered(r->tool, area_m2);
+    l->at.fixed = covered(r, area_m2);
     float cell2 = wanted_cell2(r, 0.5f * area_m2);
     if (l->at.fixed > 0.0f) /* all of it in contact */
         cell2 += l->at.fixed * (face_m2(r->tool) / (PALP_LATTICE_CELL * r->cells) - cell2);
@@ -641,7 +798,7 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
     } else {
         palp_vec3 shift = palp_scale(1.0f / weight, aside);
         shift = palp_madd(palp_scale(1.0f - l->at.fixed, shift), -l->at.fixed, l->at.origin_m);
-        if (!palp_lattice_is_flat(r->tool)) set_axis(l, out);
+        if (!is_flat(r)) set_axis(l, out);
         shift = palp_madd(shift, -palp_dot(shift, l->at.axis), l->at.axis);
         went = palp_scale(1.0f / l->at.spacing, shift);
         float share = damping(palp_dot(went, l->went));
@@ -652,11 +809,11 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
         l->at.spacing *= change;
     }
     l->went = went;
-    const float size = palp_tool_size(r->tool);
+    const float size = r->size_m;
     const float back = f->central ? palp_max(deepest - SHALLOW * size, 0.0f) : 0.0f;
     const float moved = palp_norm(went) + palp_abs(back - l->at.back_m) / size;
     l->at.back_m = back;
-    set_origin(l, r->tool);
+    set_origin(l, r);
     return palp_abs(change - 1.0f) > CELL_CHANGE || moved > 0.25f;
 }
 
@@ -672,11 +829,11 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];
-        if (p->tool == r->number && p->active && !is_known(f, p->at.y))
+        if (p->patch == r->number && p->active && !is_known(f, place_of(r, &p->at)))
             (void)fill_region(f, &p->at);
     }
     visit_nodes(f, SEEK);
-    r->done->crossings += PALP_LATTICE_CROSSINGS(r->most) - f->crossings;
+    r->done->crossings += crossings_of(r) - f->crossings;
 }
 
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {

@@ -2,6 +2,9 @@
 /*
  * Contact points that travel with a tool: one hexagonal lattice over all that it overlaps.
  *
+ * Of a multizone model one lattice goes over all zones: a shot that comes to a seam goes on in the
+ * zone beyond it.
+ *
  * A sphere sends its shots from its centre, along the points of a lattice in Lambert's equal-area
  * map about the lattice's axis; every other tool sends them side by side, along the axis. Where a
  * shot enters the surface lies a contact point. Points come where the tool overlaps the surface,
@@ -36,28 +39,32 @@
 /* What one filling does at most, with room for so many points. */
 #define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
 #define PALP_LATTICE_CROSSINGS(room) (5u * (room) + 180u) /* triangles crossed by all shots */
+#define PALP_LATTICE_BETWEEN 3u                           /* times as many between two bodies */
 #define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
 #define PALP_LATTICE_RINGS(room) ((room) / 4u + 8u)  /* nodes compared with all their neighbours */
 #define PALP_LATTICE_FEET(room) ((room) / 16u + 3u)  /* nearest points sought, four shots each */
 #define PALP_LATTICE_WANTED(room) (3u * (room) / 5u) /* points kept because they carried force */
 #define PALP_LATTICE_WATCHED 4u /* nodes beyond the reach of the contact that are kept in sight */
+#define PALP_LATTICE_BENT                                                                          \
+    48u /* nodes of a zone asked how they are bent, before there is a lattice */
 #define PALP_LATTICE_FAR_MODES 16u /* which say how the body has moved them */
 
 /* One contact point. */
 typedef struct {
-    palp_surface_point at;
-    palp_vec3 direction; /* of its shot */
-    float shot_m;        /* length of the shot, to at.q */
-    float facing;        /* - n . direction */
-    float cell_m;        /* spacing of the regular lattice that it stands for */
-    float overlap_m;     /* with the surface as the body as a whole has moved it; not below 0 */
-    uint32_t tool;
-    int16_t i, j;  /* place in the lattice */
-    palp_vec3 m;   /* out of the tool, into the body: direction of the force on the body */
-    palp_vec3 u_m; /* displacement of the last solve */
-    float force_N; /* along m, not negative */
-    bool active;   /* in contact */
-    bool left_out; /* of this tick's active set: its pivot vanished */
+    palp_surface_point at; /* in the frame of its body */
+    palp_vec3 q, y, n;     /* the same where the body is */
+    palp_vec3 direction;   /* of its shot */
+    float shot_m;          /* length of the shot, to at.q */
+    float facing;          /* - n . direction */
+    float cell_m;          /* spacing of the regular lattice that it stands for */
+    float overlap_m;       /* with the surface as the body as a whole has moved it; not below 0 */
+    uint32_t patch;        /* whose lattice it belongs to */
+    int16_t i, j;          /* place in it */
+    palp_vec3 out;         /* out of the tool, into the body: direction of the force on the body */
+    palp_vec3 m, u_m; /* the same, and the displacement of the last solve, in the body's frame */
+    float force_N;    /* along m, not negative */
+    bool active;      /* in contact */
+    bool left_out;    /* of this tick's active set: its pivot vanished */
 } palp_contact_point;
 
 /* Where the points of each place of a lattice are. */
@@ -81,7 +88,7 @@ typedef struct {
 /* A node beyond the reach of the contact that the tool may come to touch, and what the largest
  * modes have moved it by. */
 typedef struct {
-    uint32_t node;
+    uint32_t body, node;
     palp_vec3 x_m, u_m;
     float gap_m;
 } palp_lattice_watch;
@@ -97,22 +104,33 @@ typedef struct {
     palp_lattice_watch watch[PALP_LATTICE_WATCHED];
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
+    palp_given bent; /* how nodes around the tool are bent, found while there is no lattice */
+    uint32_t facing; /* triangle of the other body that was met last */
 } palp_lattice;
 
 /* What fillings did: tables begun, nodes and rows of cells looked at, gaps of the tool evaluated,
- * shots and the triangles that they crossed. */
+ * shots and the triangles that they crossed, nodes asked how they are bent. */
 typedef struct {
-    uint32_t fillings, around, evaluations, shots, crossings;
+    uint32_t fillings, around, evaluations, shots, crossings, bent;
 } palp_lattice_counts;
 
 /* What a lattice works on. */
 typedef struct {
-    const palp_surface *surface;
+    const palp_surface *surface;   /* [bodies] */
+    uint32_t bodies, first_body;   /* number of the first */
+    const palp_frame *frame;       /* [bodies]; NULL: one that is where it is at rest */
+    const uint32_t *const *beyond; /* [bodies][triangles][3] across seams: body << 24 | triangle;
+                                      PALP_NONE elsewhere; NULL: none */
     const palp_tool *tool;
-    uint32_t number;           /* of the tool */
+    const palp_surface *other; /* what presses instead of a tool; NULL: a tool */
+    const palp_frame *other_frame;
+    uint32_t facing;           /* a triangle of it near where the two meet */
+    float size_m;              /* of what presses: palp_tool_size */
+    float reach_m;             /* within which nodes are looked at: palp_lattice_reach */
+    uint32_t number;           /* of the patch */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
-    palp_given given;          /* by the body as a whole, as foreseen */
+    palp_given given;          /* by the body as a whole, as foreseen, and as it is bent */
     const float *load;         /* [far_modes] of the modes, in the last tick */
     uint32_t far_modes;        /* PALP_LATTICE_FAR_MODES, or all that there are */
     float share;               /* of what they displace by, as foreseen */
@@ -135,6 +153,13 @@ typedef struct {
  * the counts above.
  */
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
+
+/* The next filling looks for where two bodies overlap, about the reference point displaced by
+ * given_m and along `axis`. */
+void palp_lattice_look_at(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m);
+
+/* The point at a node of one of several bodies. */
+palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node);
 
 /* Radius about its reference point within which a tool's filling looks at nodes (m). */
 float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob);

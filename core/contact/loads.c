@@ -42,22 +42,28 @@ static void raise(list *l, uint32_t first) {
     }
 }
 
-uint32_t palp_contact_loads(const palp_contact *contact, uint32_t tool, palp_vec3 friction_N,
-                            palp_load *load, uint32_t count, uint32_t capacity) {
+uint32_t palp_contact_loads(const palp_contact *contact, uint32_t patch, uint32_t body,
+                            palp_vec3 friction_N, palp_load *load, uint32_t count,
+                            uint32_t capacity) {
     const palp_contact *c = contact;
-    const palp_blob *b = c->surface.blob;
+    const palp_contact_patch *of = &c->patch[patch];
+    const palp_blob *b = c->surface[body].blob;
     list l = {b, load, count, capacity};
     const palp_contact_point *point = c->solved ? c->point : c->before;
+    const palp_contact_facing *facing = c->solved ? c->facing : c->facing_before;
     const uint32_t points = c->solved ? c->count : c->count_before;
-    for (uint32_t k = 0; k < points; k++) {
+    for (uint32_t k = 0; k < points && of->used; k++) {
         const palp_contact_point *p = &point[k];
-        if (p->tool != tool || !(p->force_N > 0.0f)) continue;
-        palp_vec3 force = palp_scale(p->force_N, p->m);
-        force = palp_madd(force, -p->force_N / c->normal_N[tool], friction_N);
+        if (p->patch != patch || !(p->force_N > 0.0f)) continue;
+        const bool here = p->at.body == body;
+        if (!here && (of->tool < PALP_CONTACT_TOOLS || of->other != body)) continue;
+        const palp_surface_point *at = here ? &p->at : &facing[k].at;
+        palp_vec3 force = palp_scale(p->force_N, here ? p->m : facing[k].m);
+        force = palp_madd(force, -p->force_N / of->normal_N, friction_N);
         for (uint32_t q = 0; q < 3u; q++) {
-            uint32_t node = b->triangle[3u * p->at.triangle + q];
+            uint32_t node = b->triangle[3u * at->triangle + q];
             if (palp_node_is_fixed(b, node)) continue;
-            add(&l, palp_node_slot(b, node), palp_scale(p->at.weight[q], force));
+            add(&l, palp_node_slot(b, node), palp_scale(at->weight[q], force));
         }
     }
     raise(&l, count);

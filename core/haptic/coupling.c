@@ -26,13 +26,33 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
     return length > farthest ? palp_madd(from, farthest / length, move) : to;
 }
 
+/* How many nodes the bodies have together; the place of one of them, and its normal, when at rest
+ * in this posture. */
+static uint32_t nodes_of(const palp_contact *c) {
+    return c->assembly != NULL ? c->assembly->zones->nodes : c->surface[0].blob->meta->nodes;
+}
+
+static palp_vec3 place_of(const palp_contact *c, uint32_t node, palp_vec3 *normal) {
+    uint32_t body = 0;
+    /* at most zones */
+    while (body + 1u < c->bodies && node >= c->assembly->zones->part[body + 1u].first_node) body++;
+    const palp_blob *b = c->surface[body].blob;
+    const size_t at =
+        3u * (size_t)(body > 0u ? node - c->assembly->zones->part[body].first_node : node);
+    *normal = palp_vec3_at(b->normal + at);
+    if (c->assembly == NULL) return palp_vec3_at(b->rest_m + at);
+    *normal = palp_rotate(c->assembly->world[body].r, *normal);
+    return palp_carry(&c->assembly->world[body], palp_vec3_at(b->rest_m + at));
+}
+
 /* Looks on for the node nearest to where a tool was found; true when all have been looked at. */
-static bool look_on(palp_coupling_tool *k, const palp_blob *b, palp_vec3 at) {
-    const uint32_t nodes = b->meta->nodes;
+static bool look_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at) {
+    const uint32_t nodes = nodes_of(c);
     uint32_t end =
         k->looked + PALP_COUPLING_LOOKS < nodes ? k->looked + PALP_COUPLING_LOOKS : nodes;
     for (uint32_t i = k->looked; i < end; i++) {
-        palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)i), at);
+        palp_vec3 normal;
+        palp_vec3 d = palp_sub(place_of(c, i, &normal), at);
         float distance2 = palp_dot(d, d);
         if (i > 0u && distance2 >= k->least_m2) continue;
         k->nearest = i;
@@ -42,17 +62,17 @@ static bool look_on(palp_coupling_tool *k, const palp_blob *b, palp_vec3 at) {
     return end == nodes;
 }
 
-/* A place for a tool that is found at `at`: there, or above the surface if that is inside the
- * body, seen from the nearest node. */
+/* A place for a tool that is found at `at`: there, or above the surface if that is inside a body,
+ * seen from the nearest node. */
 static palp_vec3 outside(const palp_contact *c, uint32_t t, uint32_t nearest, palp_vec3 at) {
-    const palp_blob *b = c->surface.blob;
-    palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)nearest);
-    palp_vec3 n = palp_vec3_at(b->normal + 3u * (size_t)nearest);
+    palp_vec3 n, x = place_of(c, nearest, &n);
     if (palp_dot(palp_sub(at, x), n) >= 0.0f) return at;
     return palp_madd(x, APART * palp_tool_extent(&c->tools[t]), n);
 }
 
-static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float size) {
+/* `carried_m`: how the bodies that press the tool have moved. */
+static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, palp_vec3 carried_m,
+                         float size) {
     if (!k->touching)
         return approach(palp_add(k->tool_m, palp_sub(device_m, k->device_m)), device_m,
                         LARGEST_MOVE * size);
@@ -60,6 +80,7 @@ static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, float 
     float force = palp_norm(k->contact_N);
     palp_vec3 moved = palp_add(k->tool_m, dx);
     if (!(force > 0.0f)) return moved;
+    dx = palp_sub(dx, carried_m);
     float along = palp_dot(k->contact_N, dx) / (force * force);
     float share =
         k->contact_stiffness_N_per_m / (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
@@ -78,14 +99,16 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         float size = palp_tool_size(&contact->tools[t]);
         coupling->next_m[t] = device_m[t];
         if (!k->placed) {
-            k->placed = look_on(k, contact->surface.blob, device_m[t]);
+            k->placed = look_on(k, contact, device_m[t]);
             k->tool_m = k->placed ? outside(contact, t, k->nearest, device_m[t]) : device_m[t];
             k->expected_m = k->tool_m;
             k->device_m = device_m[t];
             ready = ready && k->placed;
             continue;
         }
-        k->expected_m = foresee(k, device_m[t], size);
+        const palp_vec3 carried = palp_contact_carried(contact, t);
+        palp_friction_carry(&k->friction, carried);
+        k->expected_m = foresee(k, device_m[t], carried, size);
     }
     return ready;
 }

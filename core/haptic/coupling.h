@@ -9,7 +9,7 @@
  * Where the tool will be is foreseen from what the last contact resisted with: along its force with
  * the stiffness k_c = 0.6 F^2 / E (exact for Hertz' law), not at all across it,
  *
- *     tool' = tool + dx - n (n . dx) k_c / (k_c + k),   dx: motion of the device
+ *     tool' = tool + dx - n n . (dx - db) k_c / (k_c + k)    dx, db: motion of device and body
  *
  * That place serves to lay the contact points, and as the answer of a tick that has no time for
  * more: the body goes on resisting as it did. A tool that leaves the surface is put at the device.

@@ -4,6 +4,7 @@
 #define NS_PER_S 1e9f
 #define UNKNOWN 0.05f   /* error of a level that bake has not measured */
 #define MISSES 8u       /* ticks in a row */
+#define SEAMS_WANTED 2u /* level of the seams that comes before finer levels of contact */
 #define CALM_LATEST 64u /* times PALP_ANSWER_CALM_S */
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
@@ -22,21 +23,88 @@ static float solve_cost(const palp_contact_cost *c, palp_contact_level l, uint32
            palp_contact_cost_finish(c, l, l.points, l.contacts);
 }
 
+/* A filling for each tool, and one between zones. */
+static float fill_all(const palp_contact_cost *c, palp_contact_level l) {
+    float sum = 0.0f;
+    const uint32_t tools = (uint32_t)c->tools;
+    for (uint32_t t = 0; t < tools; t++) sum += palp_contact_cost_fill_by(c, l, t);
+    if (c->pairs > 0.0f) sum += palp_contact_cost_fill_by(c, l, PALP_CONTACT_TOOLS);
+    return sum;
+}
+
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
-    const palp_contact_level l = palp_contact_level_of(level, cost->modes);
+    const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
-           cost->tools * (float)PALP_LATTICE_FILLINGS *
+           palp_contact_cost_place(cost) +
+           cost->patches * (float)PALP_LATTICE_FILLINGS *
                (palp_contact_cost_fill(cost, l) + PRICE(cost, QUANTUM));
 }
 
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
-    const palp_contact_level l = palp_contact_level_of(level, cost->modes);
+    const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
-           cost->tools * palp_contact_cost_fill(cost, l);
+           palp_contact_cost_place(cost) + fill_all(cost, l);
 }
 
 size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
     return palp_contact_memsize(blob, tool_count, finest);
+}
+
+size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
+                                 uint32_t finest) {
+    return palp_contact_memsize_zones(assembly, pairs, tool_count, finest);
+}
+
+static palp_status open_contact(palp_answer *a, void *memory, size_t bytes) {
+    const palp_answer_config *c = &a->config;
+    if (c->assembly == NULL)
+        return palp_contact_init(&a->contact, c->blob, c->tools, c->tool_count, c->finest, memory,
+                                 bytes);
+    return palp_contact_init_zones(&a->contact, c->assembly, c->pairs, c->tools, c->tool_count,
+                                   c->finest, memory, bytes);
+}
+
+static float share_ns(const palp_answer *a) {
+    return a->config.cost.margin * NS_PER_S * a->config.dt_s;
+}
+
+/* Takes the costs of the contact on a level of the seams. */
+static void on_seams(palp_answer *a, const palp_seam_cost *cost) {
+    a->bound.unknowns = cost->unknowns;
+    a->bound.solve = cost->solve;
+    a->bound.forward = cost->forward;
+}
+
+static void find_bounds(palp_answer *a) {
+    const palp_answer_config *c = &a->config;
+    const palp_prices ns = palp_prices_of(&c->cost);
+    float moving_ns = 0.0f;
+    if (c->assembly == NULL) {
+        a->bound = palp_contact_cost_of(c->blob, c->tools, c->tool_count, &ns);
+    } else {
+        a->bound = palp_contact_cost_of_zones(c->assembly, c->pairs, c->tools, c->tool_count, &ns);
+        palp_moving_init(&a->moving, &a->contact, &ns, c->dt_s, share_ns(a),
+                         palp_contact_cost_level(&a->bound, c->finest).contacts);
+        moving_ns = palp_moving_least(&a->moving);
+        on_seams(a, &a->moving.seam_cost[PALP_SEAM_LEVELS]);
+    }
+    a->tail_ns = palp_answer_cost_around(&a->bound) + c->after_ns;
+    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++)
+        a->least_ns[l] =
+            palp_answer_cost_least(&a->bound, l) + moving_ns + c->before_ns + c->after_ns;
+}
+
+/* What an answer on level l takes more with seams that serve well, instead of approximate ones: a
+ * finer level of contact is not worth their loss. */
+static float seams_ns(palp_answer *a, uint32_t l) {
+    if (a->config.assembly == NULL) return 0.0f;
+    const uint32_t finest = a->config.assembly->seams.finest;
+    const uint32_t wanted = finest < SEAMS_WANTED ? finest : SEAMS_WANTED;
+    float least = palp_moving_least(&a->moving) + palp_answer_cost_least(&a->bound, l);
+    on_seams(a, &a->moving.seam_cost[wanted]);
+    float more = palp_moving_cost_of(&a->moving, wanted) + palp_answer_cost_least(&a->bound, l);
+    on_seams(a, &a->moving.seam_cost[PALP_SEAM_LEVELS]);
+    return more - least;
 }
 
 palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *config, void *memory,
@@ -47,20 +115,13 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
                  config->cost.target->instructions.of[PALP_WORK_COMPLIANCE] > 0.0f;
     if (!sound) return PALP_ERR_ARGUMENT;
     *a = (palp_answer){.config = *config, .calm_wanted = 1};
-    palp_status status = palp_contact_init(&a->contact, config->blob, config->tools,
-                                           config->tool_count, config->finest, memory, bytes);
+    palp_status status = open_contact(a, memory, bytes);
     if (status != PALP_OK) return status;
-    const palp_prices ns = palp_prices_of(&config->cost);
-    a->bound = palp_contact_cost_of(config->blob, config->tools, config->tool_count, &ns);
-    a->tail_ns = palp_answer_cost_around(&a->bound) + config->after_ns;
-    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++)
-        a->least_ns[l] =
-            palp_answer_cost_least(&a->bound, l) + config->before_ns + config->after_ns;
-    float room = config->cost.margin * NS_PER_S * config->dt_s;
+    find_bounds(a);
     if (bound_ns != NULL) *bound_ns = a->least_ns[0];
-    if (a->least_ns[0] > room) return PALP_ERR_BUDGET;
-    for (uint32_t l = 0; l <= config->finest; l++) {
-        if (a->least_ns[l] <= room) a->limit = l;
+    if (a->least_ns[0] > share_ns(a)) return PALP_ERR_BUDGET;
+    for (uint32_t l = 1; l <= config->finest; l++) {
+        if (a->least_ns[l] + seams_ns(a, l) <= share_ns(a)) a->limit = l;
     }
     a->contact.now = a->limit;
     palp_coupling_reset(&a->coupling);
@@ -70,6 +131,11 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
 void palp_answer_reset(palp_answer *answer) {
     palp_answer *a = answer;
     palp_contact_clear(&a->contact);
+    if (a->config.assembly != NULL) {
+        palp_assembly_calm(a->config.assembly);
+        a->moving.finer = false;
+        a->moving.barred = PALP_NONE;
+    }
     palp_coupling_reset(&a->coupling);
     a->contact.now = a->limit;
     a->held_in_a_row = a->calm = a->missed = 0;
@@ -79,10 +145,13 @@ void palp_answer_reset(palp_answer *answer) {
 /* ---- time ---- */
 
 /* Time left for anything but the end of the tick. */
+static palp_deadline deadline_of(const palp_answer *a) {
+    return (palp_deadline){&a->config.port, a->start_ns, share_ns(a) - a->tail_ns};
+}
+
 static float left_ns(const palp_answer *a) {
-    const palp_port *port = &a->config.port;
-    float spent_ns = (float)(port->now_ns(port->context) - a->start_ns);
-    return a->config.cost.margin * NS_PER_S * a->config.dt_s - a->tail_ns - spent_ns;
+    const palp_deadline d = deadline_of(a);
+    return palp_left_ns(&d);
 }
 
 static uint32_t ticks_of(const palp_answer *a, float seconds) {
@@ -139,28 +208,39 @@ static float rows_ns(const palp_answer *a) {
            palp_contact_cost_assemble(&a->bound, c->level, c->row) + iteration_ns(a);
 }
 
+/* Bound of filling the present patch and those that press and are not filled yet. */
+static float fillings_ns(const palp_answer *a, palp_contact_level l) {
+    const palp_contact *c = &a->contact;
+    float sum = palp_contact_cost_fill_by(&a->bound, l, c->patch[c->filling].tool);
+    for (uint32_t k = 0; k < c->patches; k++) {
+        const palp_contact_patch *p = &c->patch[k];
+        if (!p->used || p->filled) continue;
+        if (p->normal_N > 0.0f || c->assembly == NULL)
+            sum += palp_contact_cost_fill_by(&a->bound, l, p->tool);
+    }
+    return sum;
+}
+
 /* Points and the matrix between them; false when time has run out meanwhile, or a contact that was
  * there is missed. */
 static bool prepare(palp_answer *a, palp_answer_report *r) {
     palp_contact *c = &a->contact;
-    const palp_contact_level l = palp_contact_level_of(c->now, a->bound.modes);
+    const palp_contact_level l = palp_contact_cost_level(&a->bound, c->now);
     const float rest = solve_cost(&a->bound, l, PALP_ANSWER_ITERATIONS);
-    const float filling = palp_contact_cost_fill(&a->bound, l);
     palp_vec3 tool_m[PALP_CONTACT_TOOLS];
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     palp_coupling_springs(&a->coupling, c, tool_m, spring);
     palp_contact_begin(c, tool_m, spring);
     bool more = true;
-    /* at most tools times PALP_LATTICE_FILLINGS */
+    /* at most patches times PALP_LATTICE_FILLINGS */
     while (more) {
         more = palp_contact_fill(c);
         bool optional = more && palp_contact_may_skip(c);
-        float tools_left = a->bound.tools - (float)c->filling;
-        if (more && tools_left * filling + rest > left_ns(a)) {
+        if (more && fillings_ns(a, l) + rest > left_ns(a)) {
             r->shortened = true;
             if (!optional) return false;
             palp_contact_skip(c);
-            more = c->filling < c->tool_count;
+            more = c->filling < c->patches;
         }
     }
     if (c->count == 0u) return !bridges(a);
@@ -203,16 +283,44 @@ static bool solve(palp_answer *a, palp_answer_report *r) {
 
 /* See answer.h. */
 static float doubt(palp_answer *a, const palp_coupling_result *result, bool held) {
-    const palp_regular *body = &a->config.blob->regular;
-    const float share =
-        body->level_error != NULL ? body->level_error[2u * a->contact.now + 1u] : UNKNOWN;
-    float most = 0.0f;
+    float most = 0.0f, share = 0.0f;
+    for (uint32_t b = 0; b < a->contact.bodies; b++) {
+        const float *error = a->contact.surface[b].blob->regular.level_error;
+        share = palp_max(share, error != NULL ? error[2u * a->contact.now + 1u] : UNKNOWN);
+    }
     for (uint32_t t = 0; t < a->config.tool_count; t++) {
         if (!held) a->solved_N[t] = result[t].force_N;
         float changed = palp_norm(palp_sub(result[t].force_N, a->solved_N[t]));
         most = palp_max(most, share * palp_norm(result[t].force_N) + 0.5f * changed);
     }
     return most;
+}
+
+/* Keeps the seams up with the posture, with time left for the contact. */
+static void keep_up(palp_answer *a) {
+    const palp_deadline d = deadline_of(a);
+    palp_moving *m = &a->moving;
+    for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
+        on_seams(a, &m->seam_cost[k]);
+        m->seam_cost[k].contact =
+            palp_answer_cost_least(&a->bound, a->contact.now) - palp_answer_cost_around(&a->bound);
+    }
+    palp_moving_tick(m, &d);
+    on_seams(a, palp_moving_cost(m));
+}
+
+void palp_answer_pose(palp_answer *answer, const float *value, const palp_frame *root) {
+    palp_assembly_pose(answer->config.assembly, value, root);
+}
+
+void palp_answer_spare(palp_answer *answer) {
+    const palp_deadline d = deadline_of(answer);
+    if (answer->config.assembly != NULL) palp_moving_spare(&answer->moving, &d);
+}
+
+uint64_t palp_answer_work(const palp_answer *answer) {
+    const palp_assembly *a = answer->config.assembly;
+    return answer->contact.work_done + (a != NULL ? a->seams.work_done : 0u);
 }
 
 void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
@@ -222,8 +330,14 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
     palp_answer_report r = {.flags = 0};
     a->start_ns = start_ns;
     choose_level(a);
+    if (a->config.assembly != NULL) {
+        keep_up(a);
+        r.moving = a->moving.report;
+    }
     const bool placed = palp_coupling_begin(&a->coupling, c, device_m);
-    bool fits = a->least_ns[c->now] - a->config.before_ns - a->tail_ns <= left_ns(a);
+    const float rest =
+        palp_answer_cost_least(&a->bound, c->now) - palp_answer_cost_around(&a->bound);
+    bool fits = rest <= left_ns(a);
     if (placed && fits && prepare(a, &r) && solve(a, &r)) {
         palp_coupling_take(&a->coupling, c, a->config.dt_s, result);
         if (c->count > 0u) a->missed = 0;

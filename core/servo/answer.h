@@ -10,20 +10,26 @@
  * again. Only when time has been missing for PALP_ANSWER_PATIENCE_S does the level give way, fewer
  * points first; it comes back when ticks have had time for PALP_ANSWER_CALM_S, twice as late each
  * time that it did not last.
+ *
+ * Of a multizone model a tick first keeps the seams up with the posture (moving.h), on the finest
+ * level that leaves time for the contact.
  */
 #ifndef PALP_SERVO_ANSWER_H
 #define PALP_SERVO_ANSWER_H
 
 #include "core/contact/cost.h"
 #include "core/haptic/coupling.h"
-#include "core/servo/budget.h"
+#include "core/servo/moving.h"
 
 #define PALP_ANSWER_PATIENCE_S 0.02f
 #define PALP_ANSWER_CALM_S 0.2f
 #define PALP_ANSWER_ITERATIONS 3u /* of the active set for which there is always time */
 
 typedef struct {
-    const palp_blob *blob;  /* with a regular part; kept by reference */
+    const palp_blob *blob; /* with a regular part; kept by reference */
+    palp_assembly
+        *assembly;          /* of zones with a regular part each, instead of a blob; by reference */
+    bool pairs;             /* its zones touch each other */
     const palp_tool *tools; /* kept by reference */
     uint32_t tool_count;
     uint32_t finest; /* level, below PALP_CONTACT_LEVELS */
@@ -37,6 +43,7 @@ typedef struct {
     palp_answer_config config;
     palp_contact_cost bound; /* in ns */
     palp_contact contact;
+    palp_moving moving;     /* of a multizone model */
     palp_coupling coupling; /* the caller sets stiffness and damping of each tool after init */
     float least_ns[PALP_CONTACT_LEVELS]; /* that an answer on each level always needs */
     float tail_ns;                       /* kept back for the end of a tick */
@@ -51,12 +58,16 @@ typedef struct {
 typedef struct {
     uint32_t level, flags; /* PALP_CONTACT_ flags */
     uint32_t points, active, iterations;
-    float doubt_N;  /* by how much the largest force of a tool may be off, see below */
+    palp_moving_report moving; /* of a multizone model */
+    float doubt_N;             /* by how much the largest force of a tool may be off, see below */
     bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */
     bool shortened; /* did less than it would have with more time */
 } palp_answer_report;
 
+/* Of a body, and of a multizone model. */
 size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
+size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
+                                 uint32_t finest);
 
 /*
  * Errors: those of palp_contact_init; ARGUMENT also for an unsound cost table, a target without
@@ -70,6 +81,15 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
 /* Lets everything go. */
 void palp_answer_reset(palp_answer *answer);
 
+/* Takes joint values and the place of zone 0 of a multizone model, for the next tick. */
+void palp_answer_pose(palp_answer *answer, const float *value, const palp_frame *root);
+
+/* Time left over in the same period: finer factors of the seams. */
+void palp_answer_spare(palp_answer *answer);
+
+/* Multiply-adds and look-ups counted so far. */
+uint64_t palp_answer_work(const palp_answer *answer);
+
 /*
  * A tick that began at start_ns on the port's clock, with the devices at device_m[tool_count].
  *
@@ -81,11 +101,12 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
                       palp_coupling_result *result, palp_answer_report *report);
 
 /* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE +
- * LEAVE + PALP_COUPLING_LOOKS SOUGHT). */
+ * LEAVE + PALP_COUPLING_LOOKS SOUGHT). Seams: palp_moving_least. */
 float palp_answer_cost_around(const palp_contact_cost *cost);
 /* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);
-/* The same with one filling for each tool and PALP_ANSWER_ITERATIONS. */
+/* The same with one filling for each tool, or of a multizone model for as many patches as there are
+ * tools, and one between zones; and PALP_ANSWER_ITERATIONS. */
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level);
 
 #endif

@@ -16,7 +16,7 @@
 
 #include "core/dyna/energy.h"
 #include "core/servo/budget.h"
-#include "core/touch/impose.h"
+#include "core/contact/impose.h"
 
 typedef struct {
     const palp_tets *tets;
@@ -54,7 +54,7 @@ typedef struct {
     palp_adapt adapt;
     palp_impose impose;
     palp_energy energy;
-    palp_vec3 force_N[PALP_MAX_TOOLS];
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];
     bool changed;     /* families split or merged at the end of the last tick */
     uint64_t work_ns; /* bounds of what was done so far */
 } palp_dynamic;

@@ -1,148 +1,144 @@
 /* SPDX-License-Identifier: MIT */
-/* The bounded-time answer, second half: keeping up with a multizone model that moves. */
-#include "bounded.h"
+#include "core/servo/moving.h"
 
 #define FADE_S 0.05f /* in which what a change of the seams' level held back fades */
 
-static const palp_seam_cost *cost_at(const palp_bounded *b, uint32_t level) {
-    return &b->seam_cost[level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level];
+static const palp_seam_cost *cost_at(const palp_moving *m, uint32_t level) {
+    return &m->seam_cost[level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level];
 }
 
-void palp_moving_costs(palp_bounded *bounded) {
-    const palp_assembly *a = bounded->config.assembly;
+const palp_seam_cost *palp_moving_cost(const palp_moving *moving) {
+    return cost_at(moving, moving->contact->assembly->level);
+}
+
+void palp_moving_init(palp_moving *moving, palp_contact *contact, const palp_prices *price,
+                      float dt_s, float share_ns, uint32_t points) {
+    const palp_assembly *a = contact->assembly;
     const palp_seams *q = &a->seams;
-    const palp_prices *price = &bounded->bound.price;
+    palp_moving *m = moving;
+    *m = (palp_moving){.contact = contact,
+                       .price = *price,
+                       .dt_s = dt_s,
+                       .share_ns = share_ns,
+                       .barred = PALP_NONE};
+    float modes = 0.0f;
+    for (uint32_t z = 0; z < a->zones->meta->zones; z++)
+        modes = palp_max(modes, palp_assembly_modes(a, z));
+    const float sides = contact->pairs ? 2.0f : 1.0f;
+    m->load_ns = (float)points * sides * 3.0f *
+                     (price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE]) +
+                 (float)a->zones->meta->zones * (float)points * price->of[PALP_WORK_PRESSED];
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
         uint32_t level = k == PALP_SEAM_LEVELS ? PALP_DIAGONAL : k;
         palp_seam_cost c = {.factor = palp_seams_cost_factor(q, price, level),
                             .step = palp_seams_cost_step(q, price, level),
                             .settle = palp_assembly_cost_settle(a, price, level),
-                            .solve = palp_seams_cost_solve(q, price, level)};
+                            .solve = palp_seams_cost_solve(q, price, level),
+                            .forward = palp_seams_cost_forward(q, price, level)};
         for (uint32_t s = 0; s < q->zones->meta->seams; s++)
             c.unknowns += 3.0f * (float)palp_seam_modes(q, s, level);
-        bounded->seam_cost[k] = c;
+        m->seam_cost[k] = c;
     }
 }
 
-/* What follows a factor on `level` before the contact can be solved, and what the forces of the
- * last tick cost to hand over. */
-static float cost_after(const palp_bounded *b, uint32_t level, uint32_t count) {
-    const palp_seam_cost *c = cost_at(b, level);
-    return 2.0f * c->settle + 2.0f * c->solve +
-           palp_cost_follow(&b->bound, count, b->config.limits.max_active, c->unknowns, c->solve);
+/* What follows a factor on `level`, and what the forces of the last tick cost to hand over. */
+static float cost_after(const palp_moving *m, uint32_t level) {
+    const palp_seam_cost *c = cost_at(m, level);
+    return 2.0f * c->settle + 2.0f * c->solve + m->load_ns + c->contact;
 }
 
-static float cost_of(const palp_bounded *b, uint32_t level, uint32_t count) {
-    return cost_at(b, level)->factor + cost_after(b, level, count);
+static float cost_of(const palp_moving *m, uint32_t level) {
+    return cost_at(m, level)->factor + cost_after(m, level);
 }
 
-float palp_moving_cost_least(const palp_bounded *bounded, uint32_t count) {
-    return cost_of(bounded, PALP_DIAGONAL, count);
+float palp_moving_cost_of(const palp_moving *moving, uint32_t level) {
+    return cost_of(moving, level);
 }
 
-void palp_bounded_pose(palp_bounded *bounded, const float *value, const palp_frame *root) {
-    if (bounded->config.assembly != NULL) palp_assembly_pose(bounded->config.assembly, value, root);
-}
+float palp_moving_least(const palp_moving *moving) { return cost_of(moving, PALP_DIAGONAL); }
 
 /* Makes the factor on `level`, looking at the clock before every step; false if that took too long
  * for `keep_ns` to be left, or it is not sound. */
-static bool make_factor(palp_bounded *b, uint32_t level, float keep_ns) {
-    bool smooth = b->moving.drift <= PALP_REUSE_FAR;
-    palp_assembly *a = b->config.assembly;
-    float step_ns = cost_at(b, level)->step;
+static bool make_factor(palp_moving *m, const palp_deadline *d, uint32_t level, float keep_ns) {
+    bool smooth = m->report.drift <= PALP_REUSE_FAR;
+    palp_assembly *a = m->contact->assembly;
+    float step_ns = cost_at(m, level)->step;
     palp_seams_begin(&a->seams, a->posture, level);
     /* at most two steps a seam */
     while (palp_seams_step(&a->seams)) {
-        if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_bounded_left_ns(b)) return false;
+        if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_left_ns(d)) return false;
     }
     return palp_assembly_take(a, smooth);
 }
 
 /* The finest level, `from` or coarser, that is done in time. */
-static void renew(palp_bounded *b, uint32_t from, uint32_t count, float rest_ns) {
-    float least_ns = rest_ns + cost_of(b, PALP_DIAGONAL, count);
+static void renew(palp_moving *m, const palp_deadline *d, uint32_t from) {
+    float least_ns = cost_of(m, PALP_DIAGONAL);
     for (uint32_t k = from + 1u; k-- > 0u;) {
-        float need_ns = cost_of(b, k, count) + rest_ns;
-        if (need_ns <= palp_bounded_left_ns(b)) {
-            float after_ns = cost_after(b, k, count) + rest_ns;
-            if (make_factor(b, k, palp_max(after_ns, least_ns))) return;
-        }
-        b->moving.aborted++;
+        if (cost_of(m, k) <= palp_left_ns(d) &&
+            make_factor(m, d, k, palp_max(cost_after(m, k), least_ns)))
+            return;
+        m->report.aborted++;
     }
-    (void)make_factor(b, PALP_DIAGONAL, 0.0f);
-}
-
-static void note_level(palp_bounded *b) {
-    palp_assembly *a = b->config.assembly;
-    b->moving.level = a->level;
-    const palp_seam_cost *c = cost_at(b, a->level);
-    b->bound.unknowns = c->unknowns;
-    b->bound.seam_row = 0.5f * c->solve + c->unknowns * b->bound.price.of[PALP_WORK_SEAM_MODE];
+    (void)make_factor(m, d, PALP_DIAGONAL, 0.0f);
 }
 
 /* A finer factor from spare time, if the posture is still the one that it was made for. */
-static bool take_finer(palp_bounded *b, uint32_t count, float rest_ns) {
-    palp_assembly *a = b->config.assembly;
+static bool take_finer(palp_moving *m, const palp_deadline *d) {
+    palp_assembly *a = m->contact->assembly;
     const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
-    if (!b->finer || f->step < f->steps) return false;
-    b->finer = false;
-    if (cost_after(b, f->level, count) + rest_ns > palp_bounded_left_ns(b)) {
-        b->barred = f->level;
+    if (!m->finer || f->step < f->steps) return false;
+    m->finer = false;
+    if (cost_after(m, f->level) > palp_left_ns(d)) {
+        m->barred = f->level;
         return false;
     }
     return palp_assembly_take(a, true);
 }
 
-void palp_moving_tick(palp_bounded *bounded, float rest_ns) {
-    palp_bounded *b = bounded;
-    palp_assembly *a = b->config.assembly;
-    palp_node_contact *c = &b->contact;
+void palp_moving_tick(palp_moving *moving, const palp_deadline *deadline) {
+    palp_moving *m = moving;
+    palp_assembly *a = m->contact->assembly;
     float drift = palp_assembly_drift(a);
-    bool near = c->count > 0u;
-    palp_assembly_relax(a, palp_min(b->config.dt_s / FADE_S, 1.0f));
-    palp_node_contact_load(c, a);
-    b->moving = (palp_moving_report){.drift = drift};
+    bool near = palp_contact_near(m->contact);
+    palp_assembly_relax(a, palp_min(m->dt_s / FADE_S, 1.0f));
+    palp_contact_load(m->contact);
+    m->report = (palp_moving_report){.drift = drift};
     bool approximate = a->level == PALP_DIAGONAL;
-    float settle_ns = cost_after(b, a->level, c->count);
-    bool fits = settle_ns + rest_ns <= palp_bounded_left_ns(b);
+    bool fits = cost_after(m, a->level) <= palp_left_ns(deadline);
     bool reuse = fits && (approximate ? !(drift > 0.0f)
                                       : drift <= (near ? PALP_REUSE_NEAR : PALP_REUSE_FAR));
     if (reuse) {
-        if (drift > PALP_REUSE_NEAR) b->finer = false;
+        if (drift > PALP_REUSE_NEAR) m->finer = false;
         palp_assembly_settle(a);
-        (void)take_finer(b, c->count, rest_ns);
+        (void)take_finer(m, deadline);
     } else {
-        b->finer = false;
+        m->finer = false;
         /* What a change of level is measured against; without time for it, the last tick's will do.
          */
-        float before_ns = cost_at(b, a->level)->settle + cost_of(b, PALP_DIAGONAL, c->count);
-        if (drift <= PALP_REUSE_FAR && before_ns + rest_ns <= palp_bounded_left_ns(b))
-            palp_assembly_settle(a);
-        b->barred = PALP_NONE;
-        renew(b, a->seams.finest, c->count, rest_ns);
-        b->moving.renewed = true;
+        float before_ns = cost_at(m, a->level)->settle + cost_of(m, PALP_DIAGONAL);
+        if (drift <= PALP_REUSE_FAR && before_ns <= palp_left_ns(deadline)) palp_assembly_settle(a);
+        m->barred = PALP_NONE;
+        renew(m, deadline, a->seams.finest);
+        m->report.renewed = true;
     }
-    palp_node_contact_follow(c);
-    note_level(b);
+    m->report.level = a->level;
 }
 
-/* The next finer level while the posture rests, as far as it would leave time for a tick. */
-void palp_moving_spare(palp_bounded *bounded) {
-    palp_bounded *b = bounded;
-    palp_assembly *a = b->config.assembly;
+void palp_moving_spare(palp_moving *moving, const palp_deadline *deadline) {
+    palp_moving *m = moving;
+    palp_assembly *a = m->contact->assembly;
     palp_seams *q = &a->seams;
-    uint32_t count = b->contact.count;
     uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;
     if (palp_assembly_drift(a) > PALP_REUSE_NEAR || a->level == q->finest) return;
-    if (b->barred == next) return; /* it was not sound, or not affordable, in this posture */
-    float share = b->config.cost.margin * 1e9f * b->config.dt_s;
-    if (!b->finer) {
-        if (cost_after(b, next, count) > 0.5f * share) return;
+    if (m->barred == next) return; /* it was not sound, or not affordable, in this posture */
+    if (!m->finer) {
+        if (cost_after(m, next) > 0.5f * m->share_ns) return;
         palp_seams_begin(q, a->posture, next);
-        b->finer = true;
+        m->finer = true;
     }
-    float step_ns = cost_at(b, next)->step;
+    float step_ns = cost_at(m, next)->step;
     /* at most two steps a seam */
-    while (step_ns <= palp_bounded_left_ns(b) && palp_seams_step(q)) {}
-    if (!q->factor[1u - q->now].sound) b->barred = next;
+    while (step_ns <= palp_left_ns(deadline) && palp_seams_step(q)) {}
+    if (!q->factor[1u - q->now].sound) m->barred = next;
 }

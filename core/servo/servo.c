@@ -106,7 +106,7 @@ const palp_counters *palp_servo_counters(const palp_servo *servo) { return &serv
 
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
     const palp_answer *a = &servo->answer;
-    return palp_contact_loads(&a->contact, 0, a->coupling.tool[0].friction.force_N, load, 0,
+    return palp_contact_loads(&a->contact, 0, 0, a->coupling.tool[0].friction.force_N, load, 0,
                               PALP_SERVO_LOADS);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "surface.h"
+#include "core/surface/surface.h"
 
 #define EDGE_SLACK                                                                                 \
     1e-6f /* barycentric weight below 0 that still counts as inside; twice as much                 \
@@ -12,6 +12,14 @@ palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob) {
         (palp_surface){.blob = blob,
                        .compliance_m2_per_N = (1.0f + m->poisson) / (PALP_PI_F * m->young_Pa),
                        .poisson = m->poisson};
+    return PALP_OK;
+}
+
+palp_status palp_surface_open_zone(palp_surface *surface, palp_assembly *assembly, uint32_t zone) {
+    palp_status status = palp_surface_open(surface, &assembly->zones->blob[zone]);
+    if (status != PALP_OK) return status;
+    surface->assembly = assembly;
+    surface->zone = zone;
     return PALP_OK;
 }
 
@@ -61,21 +69,26 @@ static void fill_point(const palp_surface *s, palp_surface_point *p) {
     p->n = palp_scale(1.0f / palp_max(palp_norm(normal), 0.05f), normal);
 }
 
-bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
-                        uint32_t *crossings, palp_surface_point *point) {
+palp_walk palp_surface_walk(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
+                            uint32_t *crossings, palp_surface_point *point, uint32_t *edge) {
     float slack = EDGE_SLACK;
     for (uint32_t step = 0; step < PALP_SURFACE_CROSSINGS; step++) {
         float volume[3];
-        if (*crossings == 0u) return false;
+        if (*crossings == 0u) return PALP_MISSED;
         (*crossings)--;
         float sum = edge_volumes(surface, point->triangle, origin, direction, volume);
-        if (!(sum < 0.0f)) return false;
+        if (!(sum < 0.0f)) return PALP_MISSED;
         uint32_t out = 0;
         for (uint32_t k = 1; k < 3u; k++) {
             if (volume[k] > volume[out]) out = k;
         }
         if (volume[out] > -slack * sum) {
-            point->triangle = surface->blob->regular.across[3u * (size_t)point->triangle + out];
+            uint32_t across = surface->blob->regular.across[3u * (size_t)point->triangle + out];
+            if (across == point->triangle) {
+                *edge = out;
+                return PALP_AT_SEAM;
+            }
+            point->triangle = across;
             slack = palp_min(2.0f * slack, 1e-3f);
             continue;
         }
@@ -86,9 +99,15 @@ bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3
         }
         for (uint32_t k = 0; k < 3u; k++) point->weight[k] /= total;
         fill_point(surface, point);
-        return true;
+        return PALP_ENTERED;
     }
-    return false;
+    return PALP_MISSED;
+}
+
+bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
+                        uint32_t *crossings, palp_surface_point *point) {
+    uint32_t edge;
+    return palp_surface_walk(surface, origin, direction, crossings, point, &edge) == PALP_ENTERED;
 }
 
 void palp_surface_gradients(const palp_surface *surface, uint32_t triangle, palp_vec3 gradient[3]) {

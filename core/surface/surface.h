@@ -25,19 +25,21 @@
 #ifndef PALP_SURFACE_SURFACE_H
 #define PALP_SURFACE_SURFACE_H
 
-#include "core/base/real.h"
-#include "core/blob/blob.h"
+#include "core/zone/assembly.h"
 
 #define PALP_LATTICE_SELF 4.2134225f /* sum over a hexagonal lattice, against its integral */
 #define PALP_SURFACE_CROSSINGS 32u   /* triangles that one shot crosses at most */
 
 typedef struct {
-    const palp_blob *blob;     /* kept by reference; has a regular part */
+    const palp_blob *blob;   /* kept by reference; has a regular part */
+    palp_assembly *assembly; /* that it is a zone of; NULL: a body at rest */
+    uint32_t zone;
     float compliance_m2_per_N; /* (1 + nu) / (pi E) */
     float poisson;
 } palp_surface;
 
 typedef struct {
+    uint32_t body; /* of several that are one model; 0 */
     uint32_t triangle;
     float weight[3]; /* barycentric, not negative, sum 1 */
     palp_vec3 q;     /* on the facet */
@@ -46,6 +48,20 @@ typedef struct {
 
 /* Errors: ARGUMENT when the blob has no regular part (its contact cannot be felt). */
 palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
+palp_status palp_surface_open_zone(palp_surface *surface, palp_assembly *assembly, uint32_t zone);
+
+/* How far a node is moved without contact (m): zones are bent by their seams and by gravity. */
+static inline palp_vec3 palp_surface_bent(const palp_surface *surface, uint32_t node) {
+    const palp_vec3 none = {0.0f, 0.0f, 0.0f};
+    return surface->assembly != NULL ? palp_assembly_bent(surface->assembly, surface->zone, node)
+                                     : none;
+}
+
+/* Whether a triangle lies inside the model, on a seam: nothing touches it. */
+static inline bool palp_surface_is_inner(const palp_surface *surface, uint32_t triangle) {
+    const uint32_t *across = surface->blob->regular.across + 3u * (size_t)triangle;
+    return across[0] == triangle && across[1] == triangle && across[2] == triangle;
+}
 
 /*
  * The point where the line through `origin` along `direction` enters the surface, found by walking
@@ -56,6 +72,12 @@ palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
  */
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
                         uint32_t *crossings, palp_surface_point *point);
+
+/* The same, telling a walk that ends at a seam from one that ends: *edge is then the edge, by the
+ * corner that it faces, of point->triangle. */
+typedef enum { PALP_MISSED, PALP_ENTERED, PALP_AT_SEAM } palp_walk;
+palp_walk palp_surface_walk(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
+                            uint32_t *crossings, palp_surface_point *point, uint32_t *edge);
 
 /* How a point moves when its shot does: derivatives of y and n with respect to q, row-major. */
 void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *point,

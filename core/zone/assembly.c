@@ -20,6 +20,8 @@ static void lay_out(palp_assembly *a, palp_arena *arena) {
         bool gravity = palp_blob_has(b, PALP_META_GRAVITY) && z->part[i].weight != NULL;
         a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
+        a->moved_m[i] = palp_take(arena, b->meta->nodes, sizeof(palp_vec3));
+        a->moved_when[i] = palp_take(arena, b->meta->nodes, sizeof(uint32_t));
         a->sag[i] = gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
         most = slots > most ? slots : most;
     }
@@ -86,7 +88,11 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     palp_status status = palp_seams_init(&a->seams, zones, finest, part, seams);
     if (status != PALP_OK) return status;
     lay_out(a, &arena);
+    a->settled = 0;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] = a->carried[i] = a->total[i] = 0.0f;
+    for (uint32_t i = 0; i < zones->meta->zones; i++) {
+        for (uint32_t n = 0; n < zones->blob[i].meta->nodes; n++) a->moved_when[i][n] = 0;
+    }
     palp_assembly_unload(a);
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         if (a->sag[i] != NULL) make_sag(a, i);
@@ -149,6 +155,7 @@ static void solve_bare(palp_assembly *a, float *w) {
 }
 
 static void share_out(palp_assembly *a) {
+    a->settled++;
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
         palp_seams_zone(&a->seams, a->posture, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
 }
@@ -186,18 +193,34 @@ void palp_assembly_relax(palp_assembly *assembly, float share) {
     a->extent = palp_seams_factor(&a->seams)->level;
 }
 
-palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
+float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
     const palp_assembly *a = assembly;
+    const palp_zone_part *part = &a->zones->part[zone];
+    float modes = 0.0f;
+    for (uint32_t k = 0; k < part->seams; k++)
+        modes += (float)palp_seam_modes(&a->seams, part->seam[k], a->seams.finest);
+    return modes;
+}
+
+palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
+    palp_assembly *a = assembly;
     const palp_blob *b = &a->zones->blob[zone];
-    const palp_frame *world = &a->world[zone];
-    palp_vec3 x = palp_vec3_at(b->rest_m + 3u * (size_t)node);
-    if (palp_node_is_fixed(b, node)) return palp_carry(world, x);
-    uint32_t slot = palp_node_slot(b, node);
-    x = palp_add(x, palp_zone_follow(a->zones, a->extent, zone, slot, a->bent[zone]));
-    if (a->sag[zone] != NULL && palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
-        x = palp_add(x, palp_rotate(a->sag[zone] + 9u * (size_t)slot,
-                                    palp_rotate_back(world->r, a->gravity_m_s2)));
-    return palp_carry(world, x);
+    if (a->moved_when[zone][node] == a->settled) return a->moved_m[zone][node];
+    palp_vec3 u = palp_zone_follow(a->zones, a->extent, zone, node, a->bent[zone]);
+    if (a->sag[zone] != NULL && !palp_node_is_fixed(b, node) &&
+        palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
+        u = palp_add(u, palp_rotate(a->sag[zone] + 9u * (size_t)palp_node_slot(b, node),
+                                    palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
+    a->moved_when[zone][node] = a->settled;
+    a->moved_m[zone][node] = u;
+    a->seams.work_done += 40u + 9u * (uint64_t)palp_assembly_modes(a, zone);
+    return u;
+}
+
+palp_vec3 palp_assembly_place(palp_assembly *assembly, uint32_t zone, uint32_t node) {
+    const palp_vec3 x = palp_vec3_at(assembly->zones->blob[zone].rest_m + 3u * (size_t)node);
+    return palp_carry(&assembly->world[zone],
+                      palp_add(x, palp_assembly_bent(assembly, zone, node)));
 }
 
 palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
@@ -206,31 +229,31 @@ palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uin
                        palp_vec3_at(a->zones->blob[zone].normal + 3u * (size_t)node));
 }
 
-void palp_assembly_push(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 d,
-                        float *row, uint64_t *touched) {
+void palp_assembly_feel(palp_assembly *assembly, uint32_t zone, const float *felt, float *sum) {
     palp_assembly *a = assembly;
-    const palp_zone_part *part = &a->zones->part[zone];
-    palp_seams_load(&a->seams, a->posture, palp_seams_factor(&a->seams)->level, zone, slot, d, row);
-    for (uint32_t k = 0; k < part->seams; k++) *touched |= 1ull << part->seam[k];
+    palp_seams *q = &a->seams;
+    const uint32_t level = palp_seams_factor(q)->level;
+    palp_seams_load(q, a->posture, level, zone, felt, sum);
+    palp_seams_load(q, NULL, level, zone, felt, sum + 3u * (size_t)q->modes);
+    q->work_done += 24u * a->zones->zone[zone].modes;
 }
 
-void palp_assembly_sweep(palp_assembly *assembly, float *row, uint64_t *touched) {
-    palp_seams_forward(&assembly->seams, row, touched);
+void palp_assembly_answer(palp_assembly *assembly, float *sum) {
+    palp_seams *q = &assembly->seams;
+    const palp_seam_factor *rest = palp_seams_at_rest(q);
+    uint64_t all = ~0ull;
+    palp_seams_solve(q, sum);
+    palp_seams_forward(q, rest, sum + 3u * (size_t)q->modes, &all);
+    palp_seams_backward(q, rest, sum + 3u * (size_t)q->modes);
 }
 
-float palp_assembly_dot(const palp_assembly *assembly, const float *a, uint64_t in_a,
-                        const float *b, uint64_t in_b) {
-    const palp_seams *q = &assembly->seams;
-    uint32_t level = q->factor[q->now].level;
-    uint64_t both = in_a & in_b;
-    float sum = 0.0f;
-    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
-        if ((both >> s & 1u) == 0u) continue;
-        const float *x = a + 3u * q->first_mode[s], *y = b + 3u * q->first_mode[s];
-        uint32_t n = 3u * palp_seam_modes(q, s, level);
-        for (uint32_t i = 0; i < n; i++) sum += x[i] * y[i];
-    }
-    return sum;
+void palp_assembly_answer_of(palp_assembly *assembly, uint32_t zone, const float *sum, float *u) {
+    palp_assembly *a = assembly;
+    palp_seams *q = &a->seams;
+    const uint32_t level = palp_seams_factor(q)->level;
+    palp_seams_spread(q, a->posture, level, zone, sum, u);
+    palp_seams_spread(q, NULL, level, zone, sum + 3u * (size_t)q->modes, q->zone_modes);
+    for (uint32_t i = 0; i < 3u * a->zones->zone[zone].modes; i++) u[i] -= q->zone_modes[i];
 }
 
 void palp_assembly_unload(palp_assembly *assembly) {
@@ -241,19 +264,12 @@ void palp_assembly_unload(palp_assembly *assembly) {
     }
 }
 
-void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 force_N) {
+void palp_assembly_load(palp_assembly *assembly, uint32_t zone, const float *felt) {
     palp_seams *q = &assembly->seams;
-    uint32_t modes = assembly->zones->zone[zone].modes;
-    const float *follow = assembly->zones->part[zone].follow + 9u * (size_t)slot * modes;
-    float *pushed = assembly->pushed[zone];
-    palp_seams_load(q, assembly->posture, q->finest, zone, slot, force_N, assembly->load);
-    q->work_done += 9u * modes;
-    for (uint32_t i = 0; i < modes; i++) {
-        palp_vec3 p = palp_rotate_back(follow + 9u * i, force_N);
-        pushed[3u * i] += p.x;
-        pushed[3u * i + 1u] += p.y;
-        pushed[3u * i + 2u] += p.z;
-    }
+    const uint32_t modes = assembly->zones->zone[zone].modes;
+    palp_seams_load(q, assembly->posture, q->finest, zone, felt, assembly->load);
+    for (uint32_t i = 0; i < 3u * modes; i++) assembly->pushed[zone][i] += felt[i];
+    q->work_done += 15u * modes;
 }
 
 const float *palp_assembly_total(palp_assembly *assembly) {

@@ -8,8 +8,15 @@
  *
  *     d^T G d'  (within a zone)  +  h^T A^-1 h',   h = T H^T d
  *
- * the zone's own Green's functions and the response of all seams; the second part is kept as the
- * dot product of rows y = R^-T h. It is positive definite with the first.
+ * the zone's own Green's functions and the response of all seams. The first is singular at the
+ * load, and near a seam, which it holds, so is the second, and only their sum is smooth. So bake
+ * takes the model at rest as one body (the regular part that its zones' blobs have is common to all
+ * of them), and what is left for a tick is how the response of the seams differs from that of the
+ * rest posture,
+ *
+ *     h^T A^-1 h' - h_0^T A_0^-1 h_0'
+ *
+ * on the level of the factor in use, as dot products of rows y = R^-T h.
  */
 #ifndef PALP_ZONE_ASSEMBLY_H
 #define PALP_ZONE_ASSEMBLY_H
@@ -20,18 +27,21 @@ typedef struct {
     const palp_zones *zones;
     palp_seams seams;
     palp_posture *posture;
-    float length_m;                   /* of the largest seam */
-    palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
-    palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
-    float *sag[PALP_MAX_ZONES];       /* [free slots][9] by unit acceleration; NULL: unknown */
-    float *field;                     /* [most free slots][4], for opening */
-    float *w;                         /* seams without contact */
-    float *carried;                   /* what a change of level is still held back by, like w */
-    float *load, *total, *kept;       /* vectors over the seams */
-    float *pushed[PALP_MAX_ZONES];    /* [M][3] H^T f of the load on each zone */
-    float *bent[PALP_MAX_ZONES];      /* [M][3] of each zone without contact, its frame */
-    uint32_t level;                   /* of the factor in use; PALP_DIAGONAL: the approximation */
-    uint32_t extent;                  /* level beyond which w, and what is carried, is zero */
+    float length_m;                       /* of the largest seam */
+    palp_frame world[PALP_MAX_ZONES];     /* zone -> world */
+    palp_vec3 gravity_m_s2;               /* world; set by palp_assembly_gravity */
+    float *sag[PALP_MAX_ZONES];           /* [free slots][9] by unit acceleration; NULL: unknown */
+    float *field;                         /* [most free slots][4], for opening */
+    float *w;                             /* seams without contact */
+    float *carried;                       /* what a change of level is still held back by, like w */
+    float *load, *total, *kept;           /* vectors over the seams */
+    float *pushed[PALP_MAX_ZONES];        /* [M][3] H^T f of the load on each zone */
+    float *bent[PALP_MAX_ZONES];          /* [M][3] of each zone without contact, its frame */
+    palp_vec3 *moved_m[PALP_MAX_ZONES];   /* [nodes] by all that, where moved_when is `settled` */
+    uint32_t *moved_when[PALP_MAX_ZONES]; /* [nodes] */
+    uint32_t settled;                     /* settlings so far */
+    uint32_t level;  /* of the factor in use; PALP_DIAGONAL: the approximation */
+    uint32_t extent; /* level beyond which w, and what is carried, is zero */
 } palp_assembly;
 
 #define PALP_ASSEMBLY_ITERATIONS 4u /* of conjugate gradients with a factor of another posture */
@@ -67,25 +77,30 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices
 /* Lets what a change of level held back fade; share 0..1. */
 void palp_assembly_relax(palp_assembly *assembly, float share);
 
-/* Where a free node is without contact (world, m), gravity included, and its rest normal, turned. 9
- * a mode of the finest level, and 9. */
-palp_vec3 palp_assembly_place(const palp_assembly *assembly, uint32_t zone, uint32_t node);
+/* Modes of a zone's seams on the finest level. */
+float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone);
+
+/* How far a node is moved without contact (zone's frame, m): by the seams and by gravity. Kept
+ * until the next settling; before that 9 a mode of the finest level, and 9. */
+palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node);
+
+/* Where a node is without contact, and its rest normal, turned (world, m). */
+palp_vec3 palp_assembly_place(palp_assembly *assembly, uint32_t zone, uint32_t node);
 palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node);
 
 /*
- * y = R^-T T H^T d for a unit push along d (zone's frame) on a free slot, added to row[3 modes]
- * before the sweep: call with `sweep` for the last push of a candidate. `touched` marks its seams.
+ * How the seams answer forces, that of the rest posture taken away: what a zone's seams feel of its
+ * forces (palp_zone_feel) is added to `sum`, [2][3 modes], zone by zone; then `sum` is solved for
+ * once; then u[M][3] of each zone's seams, in its frame.
  */
-void palp_assembly_push(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 d,
-                        float *row, uint64_t *touched);
-void palp_assembly_sweep(palp_assembly *assembly, float *row, uint64_t *touched);
-float palp_assembly_dot(const palp_assembly *assembly, const float *a, uint64_t in_a,
-                        const float *b, uint64_t in_b);
+void palp_assembly_feel(palp_assembly *assembly, uint32_t zone, const float *felt, float *sum);
+void palp_assembly_answer(palp_assembly *assembly, float *sum);
+void palp_assembly_answer_of(palp_assembly *assembly, uint32_t zone, const float *sum, float *u);
 
-/* Seams under forces: load is cleared, force added for each push, then total = w + A^-1 load,
- * valid until the next settling. */
+/* Seams under forces: load is cleared, what each zone's seams feel of its forces added, then
+ * total = w + A^-1 load, valid until the next settling. */
 void palp_assembly_unload(palp_assembly *assembly);
-void palp_assembly_load(palp_assembly *assembly, uint32_t zone, uint32_t slot, palp_vec3 force_N);
+void palp_assembly_load(palp_assembly *assembly, uint32_t zone, const float *felt);
 const float *palp_assembly_total(palp_assembly *assembly);
 
 /*

@@ -24,13 +24,13 @@ static palp_vec3 mismatch(const palp_seam_entry *e, const palp_frame *f, uint32_
     return palp_sub(palp_rotate_back(f->r, off), place);
 }
 
-/* u := T^T w (+ g); modes beyond the level are zero. */
+/* u := T^T w (+ g); modes beyond the level are zero. `relative` NULL: at rest. */
 static void spread(const palp_seams *q, const palp_frame *relative, uint32_t level, uint32_t zone,
                    const float *w, bool bent, float *u) {
     const palp_zone_part *part = &q->zones->part[zone];
     for (uint32_t k = 0; k < part->seams; k++) {
         uint32_t s = part->seam[k], used = palp_seam_modes(q, s, level);
-        bool second = palp_zone_is_second(q->zones, s, zone);
+        bool second = relative != NULL && palp_zone_is_second(q->zones, s, zone);
         for (uint32_t i = 0; i < q->zones->seam[s].modes; i++) {
             palp_vec3 v = {0.0f, 0.0f, 0.0f};
             if (i < used && w != NULL) v = at(w, q->first_mode[s] + i);
@@ -42,20 +42,27 @@ static void spread(const palp_seams *q, const palp_frame *relative, uint32_t lev
     }
 }
 
-/* out += sign T f of the zone's modal forces. */
-static void gather(const palp_seams *q, const palp_frame *relative, uint32_t level, uint32_t zone,
-                   float sign, const float *f, float *out) {
+/* out += sign T f of the zone's modal forces, entries `stride` apart. `relative` NULL: at rest. */
+static void gather_among(const palp_seams *q, const palp_frame *relative, uint32_t level,
+                         uint32_t zone, float sign, const float *f, float *out, size_t stride) {
     const palp_zone_part *part = &q->zones->part[zone];
     for (uint32_t k = 0; k < part->seams; k++) {
         uint32_t s = part->seam[k], used = palp_seam_modes(q, s, level);
-        bool second = palp_zone_is_second(q->zones, s, zone);
+        bool second = relative != NULL && palp_zone_is_second(q->zones, s, zone);
         for (uint32_t i = 0; i < used; i++) {
             palp_vec3 v = at(f, part->first[k] + i);
             if (second) v = palp_rotate(relative[s].r, v);
-            uint32_t mode = q->first_mode[s] + i;
-            put(out, mode, palp_madd(at(out, mode), sign, v));
+            float *to = out + 3u * (size_t)(q->first_mode[s] + i) * stride;
+            to[0] += sign * v.x;
+            to[stride] += sign * v.y;
+            to[2u * stride] += sign * v.z;
         }
     }
+}
+
+static void gather(const palp_seams *q, const palp_frame *relative, uint32_t level, uint32_t zone,
+                   float sign, const float *f, float *out) {
+    gather_among(q, relative, level, zone, sign, f, out, 1u);
 }
 
 /* f := K u on the modes of the level. Rows of the packed triangle are read as straight streams. */
@@ -126,20 +133,55 @@ void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t
     }
 }
 
-void palp_seams_load(palp_seams *seams, const palp_posture *posture, uint32_t level, uint32_t zone,
-                     uint32_t slot, palp_vec3 force_N, float *r) {
-    palp_seams *q = seams;
-    const palp_zone_part *part = &q->zones->part[zone];
-    uint32_t modes = q->zones->zone[zone].modes;
-    const float *follow = part->follow + 9u * (size_t)slot * modes;
-    for (uint32_t k = 0; k < part->seams; k++) {
-        uint32_t end = part->first[k] + palp_seam_modes(q, part->seam[k], level);
-        for (uint32_t i = part->first[k]; i < end; i++) /* Betti: G_SF = -G_FS^T */
-            put(q->zone_forces, i, palp_rotate_back(follow + 9u * i, force_N));
-        q->work_done += 9u * (end - part->first[k]);
+/* Where a node of a zone is on its seams: its seam, counted among the zone's own, and its place
+ * there; false for bones. */
+static bool find_on_seam(const palp_zones *zones, uint32_t zone, uint32_t node, uint32_t *k,
+                         uint32_t *i) {
+    const palp_zone_part *part = &zones->part[zone];
+    for (uint32_t n = 0; n < part->seams; n++) {
+        const uint32_t s = part->seam[n], side = palp_zone_is_second(zones, s, zone) ? 1u : 0u;
+        for (uint32_t m = 0; m < zones->seam[s].nodes; m++) {
+            if (zones->seam_node[s][2u * m + side] != node) continue;
+            *k = n;
+            *i = m;
+            return true;
+        }
     }
-    gather(q, posture->relative, level, zone, 1.0f, q->zone_forces, r);
-    q->work_done += 12u * q->zones->zone[zone].modes;
+    return false;
+}
+
+void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
+                    float weight, palp_vec3 d, float *felt) {
+    const palp_zone_part *part = &zones->part[zone];
+    const palp_blob *b = &zones->blob[zone];
+    const palp_vec3 f = palp_scale(weight, d);
+    if (!palp_node_is_fixed(b, node)) { /* Betti: G_SF = -G_FS^T */
+        const float *follow =
+            part->follow + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
+        for (uint32_t s = 0; s < part->seams; s++) {
+            uint32_t end = part->first[s] + zones->seam[part->seam[s]].level_modes[level];
+            for (uint32_t i = part->first[s]; i < end; i++)
+                put(felt, i, palp_add(at(felt, i), palp_rotate_back(follow + 9u * i, f)));
+        }
+        return;
+    }
+    uint32_t k, n;
+    if (!find_on_seam(zones, zone, node, &k, &n)) return;
+    const palp_seam_entry *e = &zones->seam[part->seam[k]];
+    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)n * e->modes;
+    for (uint32_t i = 0; i < e->level_modes[level]; i++)
+        put(felt, part->first[k] + i, palp_madd(at(felt, part->first[k] + i), mode[i], f));
+}
+
+void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                     uint32_t zone, const float *felt, float *r) {
+    gather(seams, posture != NULL ? posture->relative : NULL, level, zone, 1.0f, felt, r);
+}
+
+void palp_seams_load_among(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                           uint32_t zone, const float *felt, float *r, size_t stride) {
+    gather_among(seams, posture != NULL ? posture->relative : NULL, level, zone, 1.0f, felt, r,
+                 stride);
 }
 
 void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
@@ -149,29 +191,30 @@ void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint3
 
 void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                        uint32_t zone, const float *w, float *u) {
-    spread(seams, posture->relative, level, zone, w, false, u);
+    spread(seams, posture != NULL ? posture->relative : NULL, level, zone, w, false, u);
 }
 
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t slot,
+palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
                            const float *u) {
     const palp_zone_part *part = &zones->part[zone];
-    const float *follow = part->follow + 9u * (size_t)slot * zones->zone[zone].modes;
+    const palp_blob *b = &zones->blob[zone];
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
+    if (palp_node_is_fixed(b, node)) {
+        uint32_t k, n;
+        if (!find_on_seam(zones, zone, node, &k, &n)) return sum;
+        const palp_seam_entry *e = &zones->seam[part->seam[k]];
+        const float *mode = zones->seam_mode[part->seam[k]] + (size_t)n * e->modes;
+        for (uint32_t i = 0; i < e->level_modes[level]; i++)
+            sum = palp_madd(sum, mode[i], at(u, part->first[k] + i));
+        return sum;
+    }
+    const float *follow =
+        part->follow + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
     for (uint32_t k = 0; k < part->seams; k++) {
         uint32_t end = part->first[k] + zones->seam[part->seam[k]].level_modes[level];
         for (uint32_t i = part->first[k]; i < end; i++)
             sum = palp_add(sum, palp_rotate(follow + 9u * i, at(u, i)));
     }
-    return sum;
-}
-
-palp_vec3 palp_zone_at_seam(const palp_zones *zones, uint32_t zone, uint32_t k, uint32_t i,
-                            const float *u) {
-    const palp_zone_part *part = &zones->part[zone];
-    uint32_t s = part->seam[k], modes = zones->seam[s].modes;
-    const float *mode = zones->seam_mode[s] + (size_t)i * modes;
-    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
-    for (uint32_t m = 0; m < modes; m++) sum = palp_madd(sum, mode[m], at(u, part->first[k] + m));
     return sum;
 }
 

@@ -43,9 +43,9 @@ static bool find_later(const palp_zones *z, uint64_t later[PALP_MAX_SEAMS]) {
     return true;
 }
 
-/* Floats of all blocks; `link` gets where each begins, unless it is NULL. */
+/* Floats of all blocks on a level; `link` gets where each begins, unless it is NULL. */
 static size_t place_blocks(const palp_seams *q, const uint64_t later[PALP_MAX_SEAMS],
-                           palp_seam_links *link) {
+                           uint32_t level, palp_seam_links *link) {
     size_t blocks = 0;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         uint32_t k = 0;
@@ -57,12 +57,23 @@ static size_t place_blocks(const palp_seams *q, const uint64_t later[PALP_MAX_SE
                 link[s].count = (uint8_t)k;
             }
             k++;
-            size_t size = (size_t)unknowns(q, s, q->finest) * unknowns(q, t, q->finest);
+            size_t size = (size_t)unknowns(q, s, level) * unknowns(q, t, level);
             blocks += (size + 15u) / 16u * 16u;
         }
     }
     return blocks;
 }
+
+static void lay_out_factor(palp_seams *q, const uint64_t later[PALP_MAX_SEAMS], uint32_t level,
+                           palp_seam_factor *f, palp_arena *arena) {
+    const uint32_t n = q->zones->meta->seams;
+    f->link = palp_take(arena, n, sizeof *f->link);
+    f->block = palp_take(arena, place_blocks(q, later, level, f->link), sizeof(float));
+    f->relative = palp_take(arena, n, sizeof(palp_frame));
+}
+
+/* Level of the rest factor k. */
+static uint32_t rest_level(uint32_t k) { return k == PALP_SEAM_LEVELS ? PALP_DIAGONAL : k; }
 
 static void lay_out(palp_seams *q, const uint64_t later[PALP_MAX_SEAMS], palp_arena *arena) {
     const palp_zones *z = q->zones;
@@ -76,12 +87,11 @@ static void lay_out(palp_seams *q, const uint64_t later[PALP_MAX_SEAMS], palp_ar
     }
     for (uint32_t i = 0; i < z->meta->zones; i++)
         most = z->zone[i].modes > most ? z->zone[i].modes : most;
-    q->link = palp_take(arena, n, sizeof *q->link);
     q->spare = palp_take(arena, 1, sizeof *q->spare);
-    size_t blocks = place_blocks(q, later, q->link);
-    for (uint32_t k = 0; k < 2; k++) {
-        q->factor[k].block = palp_take(arena, blocks, sizeof(float));
-        q->factor[k].relative = palp_take(arena, n, sizeof(palp_frame));
+    for (uint32_t k = 0; k < 2; k++) lay_out_factor(q, later, q->finest, &q->factor[k], arena);
+    for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
+        if (k <= q->finest || k == PALP_SEAM_LEVELS)
+            lay_out_factor(q, later, rest_level(k), &q->rest[k], arena);
     }
     for (uint32_t k = 0; k < 4; k++) q->work[k] = palp_take(arena, 3u * q->modes, sizeof(float));
     q->zone_modes = palp_take(arena, 3u * most, sizeof(float));
@@ -93,7 +103,7 @@ size_t palp_seams_memsize(const palp_zones *zones, uint32_t finest) {
     uint64_t later[PALP_MAX_SEAMS];
     palp_arena arena = {0};
     if (finest >= PALP_SEAM_LEVELS || !find_later(zones, later)) return 0;
-    if (place_blocks(&q, later, NULL) > UINT32_MAX) return 0;
+    if (place_blocks(&q, later, finest, NULL) > UINT32_MAX) return 0;
     lay_out(&q, later, &arena);
     return arena.used;
 }
@@ -149,9 +159,9 @@ static void add_zone(palp_seams *q, const palp_seam_factor *f, uint32_t zone, ui
 /* Assembles the blocks of row s. */
 static void assemble_row(palp_seams *q, palp_seam_factor *f, uint32_t s) {
     const palp_zones *z = q->zones;
-    for (uint32_t k = 0; k <= q->link[s].count; k++) {
-        uint32_t t = k == 0u ? s : q->link[s].other[k - 1u];
-        float *block = f->block + q->link[s].offset[k];
+    for (uint32_t k = 0; k <= f->link[s].count; k++) {
+        uint32_t t = k == 0u ? s : f->link[s].other[k - 1u];
+        float *block = f->block + f->link[s].offset[k];
         size_t size = (size_t)unknowns(q, s, f->level) * unknowns(q, t, f->level);
         for (size_t e = 0; e < size; e++) block[e] = 0.0f;
         for (uint32_t side = 0; side < 2; side++) {
@@ -168,34 +178,34 @@ static void assemble_row(palp_seams *q, palp_seam_factor *f, uint32_t s) {
 
 /* ---- factorisation ---- */
 
-static size_t block_of(const palp_seams *q, uint32_t s, uint32_t t) {
-    for (uint32_t k = 0; k < q->link[s].count; k++) {
-        if (q->link[s].other[k] == t) return q->link[s].offset[k + 1u];
+static size_t block_of(const palp_seam_factor *f, uint32_t s, uint32_t t) {
+    for (uint32_t k = 0; k < f->link[s].count; k++) {
+        if (f->link[s].other[k] == t) return f->link[s].offset[k + 1u];
     }
-    return q->link[s].offset[0];
+    return f->link[s].offset[0];
 }
 
 static void eliminate(palp_seams *q, palp_seam_factor *f, uint32_t s) {
     size_t n = unknowns(q, s, f->level);
-    float *own = f->block + q->link[s].offset[0];
+    float *own = f->block + f->link[s].offset[0];
     if (palp_chol_factor(own, n, n) != PALP_OK) {
         f->sound = false;
         return;
     }
     q->work_done += n * n * n / 6u;
-    for (uint32_t k = 0; k < q->link[s].count; k++) {
-        size_t m = unknowns(q, q->link[s].other[k], f->level);
-        palp_chol_forward_many(own, n, n, f->block + q->link[s].offset[k + 1u], m, m);
+    for (uint32_t k = 0; k < f->link[s].count; k++) {
+        size_t m = unknowns(q, f->link[s].other[k], f->level);
+        palp_chol_forward_many(own, n, n, f->block + f->link[s].offset[k + 1u], m, m);
         q->work_done += n * n * m / 2u;
     }
-    for (uint32_t k = 0; k < q->link[s].count; k++) {
-        uint32_t t = q->link[s].other[k];
+    for (uint32_t k = 0; k < f->link[s].count; k++) {
+        uint32_t t = f->link[s].other[k];
         size_t rows = unknowns(q, t, f->level);
-        for (uint32_t i = k; i < q->link[s].count; i++) {
-            size_t columns = unknowns(q, q->link[s].other[i], f->level);
-            size_t at = i == k ? q->link[t].offset[0] : block_of(q, t, q->link[s].other[i]);
-            palp_subtract_product(f->block + at, columns, f->block + q->link[s].offset[k + 1u],
-                                  rows, f->block + q->link[s].offset[i + 1u], columns, n, rows,
+        for (uint32_t i = k; i < f->link[s].count; i++) {
+            size_t columns = unknowns(q, f->link[s].other[i], f->level);
+            size_t at = i == k ? f->link[t].offset[0] : block_of(f, t, f->link[s].other[i]);
+            palp_subtract_product(f->block + at, columns, f->block + f->link[s].offset[k + 1u],
+                                  rows, f->block + f->link[s].offset[i + 1u], columns, n, rows,
                                   columns, i == k);
             q->work_done += n * rows * columns / (i == k ? 2u : 1u);
         }
@@ -218,7 +228,7 @@ static uint32_t sample_at(const palp_joint_entry *j, float value, float *share) 
 static void interpolate(palp_seams *q, palp_seam_factor *f, uint32_t s, const float *value) {
     uint32_t joint = q->zones->seam[s].joint;
     size_t n = unknowns(q, s, PALP_DIAGONAL), size = n * n;
-    float *block = f->block + q->link[s].offset[0];
+    float *block = f->block + f->link[s].offset[0];
     float share = 0.0f;
     uint32_t below = 0;
     if (joint != PALP_NONE) below = sample_at(&q->zones->joint[joint], value[joint], &share);
@@ -228,8 +238,8 @@ static void interpolate(palp_seams *q, palp_seam_factor *f, uint32_t s, const fl
     q->work_done += 2u * size + n * n * n / 6u;
 }
 
-void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t level) {
-    palp_seam_factor *f = &seams->factor[1u - seams->now];
+static void begin(palp_seams *seams, palp_seam_factor *f, const palp_posture *posture,
+                  uint32_t level) {
     uint32_t n = seams->zones->meta->seams;
     f->diagonal = level == PALP_DIAGONAL;
     f->level = f->diagonal ? PALP_DIAGONAL_LEVEL : level;
@@ -243,8 +253,11 @@ void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t l
     f->step = f->steps;
 }
 
-bool palp_seams_step(palp_seams *seams) {
-    palp_seam_factor *f = &seams->factor[1u - seams->now];
+void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t level) {
+    begin(seams, &seams->factor[1u - seams->now], posture, level);
+}
+
+static bool step(palp_seams *seams, palp_seam_factor *f) {
     uint32_t n = seams->zones->meta->seams;
     if (f->step == f->steps || !f->sound) return false;
     if (f->step < n) {
@@ -255,6 +268,8 @@ bool palp_seams_step(palp_seams *seams) {
     f->step++;
     return f->step < f->steps && f->sound;
 }
+
+bool palp_seams_step(palp_seams *seams) { return step(seams, &seams->factor[1u - seams->now]); }
 
 bool palp_seams_take(palp_seams *seams) {
     const palp_seam_factor *f = &seams->factor[1u - seams->now];
@@ -297,24 +312,30 @@ static void subtract_transposed(const float *b, size_t n, size_t m, const float 
     }
 }
 
-void palp_seams_forward(palp_seams *seams, float *y, uint64_t *touched) {
+const palp_seam_factor *palp_seams_at_rest(const palp_seams *seams) {
+    const palp_seam_factor *f = &seams->factor[seams->now];
+    return &seams->rest[f->diagonal ? PALP_SEAM_LEVELS : f->level];
+}
+
+void palp_seams_forward(palp_seams *seams, const palp_seam_factor *factor, float *y,
+                        uint64_t *touched) {
     palp_seams *q = seams;
-    const palp_seam_factor *f = palp_seams_factor(q);
+    const palp_seam_factor *f = factor;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         if ((*touched >> s & 1u) == 0u) continue;
         size_t n = unknowns(q, s, f->level);
         float *own = y + 3u * q->first_mode[s];
         if (f->diagonal) {
-            apply_upper(f->block + q->link[s].offset[0], n, own);
+            apply_upper(f->block + f->link[s].offset[0], n, own);
             q->work_done += n * n / 2u;
             continue;
         }
-        palp_chol_forward(f->block + q->link[s].offset[0], n, n, own);
+        palp_chol_forward(f->block + f->link[s].offset[0], n, n, own);
         q->work_done += n * n / 2u;
-        for (uint32_t k = 0; k < q->link[s].count; k++) {
-            uint32_t t = q->link[s].other[k];
+        for (uint32_t k = 0; k < f->link[s].count; k++) {
+            uint32_t t = f->link[s].other[k];
             size_t m = unknowns(q, t, f->level);
-            subtract_transposed(f->block + q->link[s].offset[k + 1u], n, m, own,
+            subtract_transposed(f->block + f->link[s].offset[k + 1u], n, m, own,
                                 y + 3u * q->first_mode[t]);
             *touched |= 1ull << t;
             q->work_done += n * m;
@@ -322,20 +343,59 @@ void palp_seams_forward(palp_seams *seams, float *y, uint64_t *touched) {
     }
 }
 
-static void backward(palp_seams *q, float *x) {
-    const palp_seam_factor *f = palp_seams_factor(q);
+/* apply_upper to `count` vectors. */
+static void apply_upper_many(const float *u, size_t n, float *y, size_t stride, size_t count) {
+    for (size_t i = 0; i < n; i++) {
+        float *restrict to = y + i * stride;
+        for (size_t k = 0; k < count; k++) to[k] *= u[i * n + i];
+        for (size_t j = i + 1u; j < n; j++) {
+            const float *restrict from = y + j * stride, w = u[i * n + j];
+            for (size_t k = 0; k < count; k++) to[k] += w * from[k];
+        }
+    }
+}
+
+void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, float *y,
+                             size_t stride, size_t count, uint64_t *touched) {
+    palp_seams *q = seams;
+    const palp_seam_factor *f = factor;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
+        if ((*touched >> s & 1u) == 0u) continue;
+        const size_t n = unknowns(q, s, f->level);
+        float *own = y + 3u * (size_t)q->first_mode[s] * stride;
+        q->work_done += n * n / 2u * count;
+        if (f->diagonal) {
+            apply_upper_many(f->block + f->link[s].offset[0], n, own, stride, count);
+            continue;
+        }
+        palp_chol_forward_many(f->block + f->link[s].offset[0], n, n, own, count, stride);
+        for (uint32_t k = 0; k < f->link[s].count; k++) {
+            const uint32_t t = f->link[s].other[k];
+            const size_t m = unknowns(q, t, f->level);
+            palp_subtract_product(y + 3u * (size_t)q->first_mode[t] * stride, stride,
+                                  f->block + f->link[s].offset[k + 1u], m, own, stride, n, m, count,
+                                  false);
+            *touched |= 1ull << t;
+            q->work_done += n * m * count;
+        }
+    }
+}
+
+void palp_seams_backward(palp_seams *seams, const palp_seam_factor *factor, float *x) {
+    palp_seams *q = seams;
+    const palp_seam_factor *f = factor;
     for (uint32_t s = q->zones->meta->seams; s-- > 0u;) {
         size_t n = unknowns(q, s, f->level);
         float *own = x + 3u * q->first_mode[s];
         q->work_done += n * n / 2u;
         if (f->diagonal) {
-            apply_upper_transposed(f->block + q->link[s].offset[0], n, own);
+            apply_upper_transposed(f->block + f->link[s].offset[0], n, own);
             continue;
         }
-        for (uint32_t k = 0; k < q->link[s].count; k++) {
-            uint32_t t = q->link[s].other[k];
+        for (uint32_t k = 0; k < f->link[s].count; k++) {
+            uint32_t t = f->link[s].other[k];
             size_t m = unknowns(q, t, f->level);
-            const float *b = f->block + q->link[s].offset[k + 1u],
+            const float *b = f->block + f->link[s].offset[k + 1u],
                         *other = x + 3u * q->first_mode[t];
             for (size_t i = 0; i < n; i++) {
                 float sum = 0.0f;
@@ -344,14 +404,15 @@ static void backward(palp_seams *q, float *x) {
             }
             q->work_done += n * m;
         }
-        palp_chol_backward(f->block + q->link[s].offset[0], n, n, own);
+        palp_chol_backward(f->block + f->link[s].offset[0], n, n, own);
     }
 }
 
 void palp_seams_solve(palp_seams *seams, float *x) {
     uint64_t all = ~0ull;
-    palp_seams_forward(seams, x, &all);
-    backward(seams, x);
+    const palp_seam_factor *f = palp_seams_factor(seams);
+    palp_seams_forward(seams, f, x, &all);
+    palp_seams_backward(seams, f, x);
 }
 
 /* ---- costs ---- */
@@ -362,20 +423,20 @@ void palp_seams_solve(palp_seams *seams, float *x) {
  * each other one; eliminating it. */
 static float cost_row(const palp_seams *q, const palp_prices *price, uint32_t s, uint32_t level) {
     float n = (float)unknowns(q, s, level), entries = n * n;
-    for (uint32_t k = 0; k < q->link[s].count; k++)
-        entries += n * (float)unknowns(q, q->link[s].other[k], level);
+    for (uint32_t k = 0; k < q->factor[0].link[s].count; k++)
+        entries += n * (float)unknowns(q, q->factor[0].link[s].other[k], level);
     return PRICE(SEAM) + PRICE(SEAM_TURN) * entries;
 }
 
 static float cost_eliminate(const palp_seams *q, const palp_prices *price, uint32_t s,
                             uint32_t level) {
     float n = (float)unknowns(q, s, level), cubic = n * n * n / 6.0f, square = 2.0f * n * n;
-    for (uint32_t k = 0; k < q->link[s].count && level != PALP_DIAGONAL; k++) {
-        float m = (float)unknowns(q, q->link[s].other[k], level);
+    for (uint32_t k = 0; k < q->factor[0].link[s].count && level != PALP_DIAGONAL; k++) {
+        float m = (float)unknowns(q, q->factor[0].link[s].other[k], level);
         cubic += 0.5f * n * n * m;
         square += n * m;
-        for (uint32_t i = k; i < q->link[s].count; i++)
-            cubic += n * m * (float)unknowns(q, q->link[s].other[i], level);
+        for (uint32_t i = k; i < q->factor[0].link[s].count; i++)
+            cubic += n * m * (float)unknowns(q, q->factor[0].link[s].other[i], level);
     }
     return PRICE(SEAM) + PRICE(SEAM_PRODUCT) * cubic + PRICE(SEAM_ROW) * square;
 }
@@ -397,14 +458,26 @@ float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, ui
     return most;
 }
 
+float palp_seams_cost_forward(const palp_seams *seams, const palp_prices *price, uint32_t level) {
+    const palp_seams *q = seams;
+    float products = 0.0f;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
+        float n = (float)unknowns(q, s, level);
+        products += 0.5f * n * (n + 1.0f);
+        for (uint32_t k = 0; k < q->factor[0].link[s].count && level != PALP_DIAGONAL; k++)
+            products += n * (float)unknowns(q, q->factor[0].link[s].other[k], level);
+    }
+    return PRICE(SEAM) * (float)q->zones->meta->seams + PRICE(SEAM_PRODUCT) * products;
+}
+
 float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level) {
     const palp_seams *q = seams;
     float products = 0.0f;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         float n = (float)unknowns(q, s, level);
         products += n * n;
-        for (uint32_t k = 0; k < q->link[s].count; k++)
-            products += 2.0f * n * (float)unknowns(q, q->link[s].other[k], level);
+        for (uint32_t k = 0; k < q->factor[0].link[s].count; k++)
+            products += 2.0f * n * (float)unknowns(q, q->factor[0].link[s].other[k], level);
     }
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
@@ -423,7 +496,7 @@ static bool make_samples(palp_seams *q, uint32_t s) {
     palp_seam_factor *f = &q->factor[1];
     uint32_t joint = q->zones->seam[s].joint;
     size_t n = unknowns(q, s, PALP_DIAGONAL);
-    float value[PALP_MAX_JOINTS] = {0}, *block = f->block + q->link[s].offset[0];
+    float value[PALP_MAX_JOINTS] = {0}, *block = f->block + f->link[s].offset[0];
     palp_posture *posture = q->spare;
     palp_posture_rest(posture, q->zones);
     f->level = PALP_DIAGONAL_LEVEL < q->finest ? PALP_DIAGONAL_LEVEL : q->finest;
@@ -462,5 +535,12 @@ palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t
         if (!make_samples(q, s)) return PALP_ERR_NOT_SPD;
     }
     palp_posture_rest(q->spare, zones);
+    for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
+        if (k > finest && k < PALP_SEAM_LEVELS) continue;
+        begin(q, &q->rest[k], q->spare, rest_level(k));
+        /* at most two steps a seam */
+        while (step(q, &q->rest[k])) {}
+        if (!q->rest[k].sound) return PALP_ERR_NOT_SPD;
+    }
     return palp_seams_refresh(q, q->spare, finest);
 }

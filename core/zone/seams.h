@@ -34,19 +34,20 @@
 #define PALP_DIAGONAL_LEVEL 1u    /* that the block diagonal approximation is made on */
 #define PALP_DIAGONAL 0xfffffffeu /* stands for it where a level is asked for */
 
-typedef struct {
-    float *block;         /* the blocks of R, or the approximation's */
-    palp_frame *relative; /* [seams] posture that it belongs to */
-    uint32_t level;       /* of the modes it knows */
-    uint32_t step, steps; /* done, and to be done */
-    bool diagonal, sound;
-} palp_seam_factor;
-
 /* Later seams that one seam meets, fill included, and where their blocks begin: its own first. */
 typedef struct {
     uint32_t offset[PALP_MAX_PARTNERS + 1u];
     uint8_t count, other[PALP_MAX_PARTNERS];
 } palp_seam_links;
+
+typedef struct {
+    float *block;          /* the blocks of R, or the approximation's */
+    palp_seam_links *link; /* [seams] where they are */
+    palp_frame *relative;  /* [seams] posture that it belongs to */
+    uint32_t level;        /* of the modes it knows */
+    uint32_t step, steps;  /* done, and to be done */
+    bool diagonal, sound;
+} palp_seam_factor;
 
 /* A vector over the seams: seam s begins at 3 first_mode[s]. */
 typedef struct {
@@ -54,10 +55,10 @@ typedef struct {
     uint32_t finest; /* level that memory is there for */
     uint32_t modes;  /* of all seams on it */
     uint32_t first_mode[PALP_MAX_SEAMS];
-    palp_seam_links *link;      /* [seams] */
     palp_posture *spare;        /* for opening */
     palp_seam_factor factor[2]; /* in use, and being made */
     uint32_t now;
+    palp_seam_factor rest[PALP_SEAM_LEVELS + 1u]; /* in the rest posture; last: diagonal */
     float *sample[PALP_MAX_SEAMS];   /* [PALP_DIAGONAL_SAMPLES][n][n] inverses of diagonal blocks */
     float *work[4];                  /* vectors */
     float *zone_modes, *zone_forces; /* [largest M][3] */
@@ -104,6 +105,9 @@ palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, u
  */
 float palp_seams_cost_factor(const palp_seams *seams, const palp_prices *price, uint32_t level);
 float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, uint32_t level);
+/* Of palp_seams_forward_many, for one vector: seams SEAM + sum (N^2 / 2 + N m over links)
+ * SEAM_PRODUCT. */
+float palp_seams_cost_forward(const palp_seams *seams, const palp_prices *price, uint32_t level);
 /* Of one solve on it, one matrix product included: seams SEAM + modes SEAM_MODE + (sum N^2 + 2 N m
  * over links + sum over zones M (M + 30)) SEAM_DOT. */
 float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level);
@@ -115,18 +119,38 @@ void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_
 void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t level,
                         palp_vec3 acceleration_m_s2, float *r);
 
-/* r -= p^ of a force (in the zone's frame) on a free slot of `zone`. Cost: 9 a mode of the zone. */
-void palp_seams_load(palp_seams *seams, const palp_posture *posture, uint32_t level, uint32_t zone,
-                     uint32_t slot, palp_vec3 force_N, float *r);
+/*
+ * What a zone's seams feel of a unit push along `d` (zone's frame) at one of its nodes, added to
+ * felt[M][3] in the modes of `level`: weight H^T d of a free node, weight q d of one on a seam,
+ * nothing of a bone. Cost: 9 a mode.
+ */
+void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
+                    float weight, palp_vec3 d, float *felt);
+
+/* r += T of what a zone's seams feel, on `level`. With posture NULL: in the rest posture. */
+void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                     uint32_t zone, const float *felt, float *r);
+/* The same into one of several vectors side by side: r[i stride]. */
+void palp_seams_load_among(const palp_seams *seams, const palp_posture *posture, uint32_t level,
+                           uint32_t zone, const float *felt, float *r, size_t stride);
 
 /* x := A^-1 x, with the factor in use. */
 void palp_seams_solve(palp_seams *seams, float *x);
 
+/* The factor of the rest posture on the level of the one in use. */
+const palp_seam_factor *palp_seams_at_rest(const palp_seams *seams);
+
 /*
- * Half of it, y := R^-T y: y.y = r^T A^-1 r. `touched` has a bit for each seam where y is not zero
- * and is updated; seams without are skipped.
+ * Half of a solution by a factor, y := R^-T y, so that y . y = r^T A^-1 r; and the other half,
+ * x := R^-1 x. `touched` has a bit for each seam where y is not zero and is updated; seams without
+ * are skipped.
  */
-void palp_seams_forward(palp_seams *seams, float *y, uint64_t *touched);
+void palp_seams_forward(palp_seams *seams, const palp_seam_factor *factor, float *y,
+                        uint64_t *touched);
+/* The same for `count` vectors side by side, y[3 modes][stride]. */
+void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, float *y,
+                             size_t stride, size_t count, uint64_t *touched);
+void palp_seams_backward(palp_seams *seams, const palp_seam_factor *factor, float *x);
 
 /*
  * A w = r for the given posture by `iterations` steps of conjugate gradients, preconditioned by the
@@ -141,23 +165,18 @@ float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const f
 void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                      uint32_t zone, const float *w, float *u);
 
-/* The same without the mismatch: u = T^T w. */
+/* The same without the mismatch: u = T^T w; with posture NULL in the rest posture. */
 void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
                        uint32_t zone, const float *w, float *u);
-
-/* Displacement of node i of seam k (of its own) of a zone by its seam modes u. 3 a mode of the
- * seam. */
-palp_vec3 palp_zone_at_seam(const palp_zones *zones, uint32_t zone, uint32_t k, uint32_t i,
-                            const float *u);
 
 /* What the neighbours exert at the seams of a zone, K (T^T w + g) + weight, in zone_forces, and the
  * displacements there in zone_modes: [M][3] in the zone's frame. Tools' part is left out. */
 void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2);
 
-/* Displacement of a free slot of a zone by its seam modes u (m, zone's frame), those beyond `level`
- * being zero. 9 a mode. */
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t slot,
+/* Displacement of a node of a zone by its seam modes u (m, zone's frame), those beyond `level`
+ * being zero. 9 a mode; of a node on a seam 3 a mode of that. */
+palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
                            const float *u);
 
 /* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */

@@ -37,10 +37,10 @@ static void *load(const char *path, size_t *bytes) {
 }
 
 /* The tool goes round over the model while its joints swing; levels change by the work done. */
-static palp_bounded bounded;
+static palp_answer answer;
 static uint64_t work_clock(void *context) {
     (void)context;
-    return palp_bounded_work(&bounded);
+    return palp_answer_work(&answer);
 }
 
 static void move_zones(const char *path) {
@@ -53,38 +53,37 @@ static void move_zones(const char *path) {
     if (palp_assembly_init(&assembly, &zones, 4, aligned(room), room) != PALP_OK) exit(1);
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    palp_bounded_config config = {.assembly = &assembly,
-                                  .pairs = true,
-                                  .tools = &tool,
-                                  .tool_count = 1,
-                                  .limits = {24, 12, 4, 12, false},
-                                  .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
-                                  .port = {.now_ns = work_clock},
-                                  .dt_s = 1e-3f};
-    room = palp_bounded_memsize(&zones, 4, config.limits);
-    if (palp_bounded_init(&bounded, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
-    bounded.coupling.spring[0].stiffness_N_per_m = 200.0f;
+    palp_answer_config config = {.assembly = &assembly,
+                                 .pairs = true,
+                                 .tools = &tool,
+                                 .tool_count = 1,
+                                 .finest = PALP_CONTACT_FINEST,
+                                 .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
+                                 .port = {.now_ns = work_clock},
+                                 .dt_s = 1e-3f};
+    room = palp_answer_memsize_zones(&assembly, true, 1, config.finest);
+    if (palp_answer_init(&answer, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
+    answer.coupling.tool[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {
         float s = (float)i / 1500.0f, sine, cosine, value[PALP_MAX_JOINTS] = {0};
-        palp_node_coupling_result result;
-        palp_bounded_report report;
+        palp_coupling_result result;
+        palp_answer_report report;
         palp_sincos(6.2831853f * s, &sine, &cosine);
         value[0] = 0.3f * sine;
         value[1] = 0.2f * cosine - 0.2f;
         palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
-        palp_bounded_pose(&bounded, value, &rest);
-        palp_bounded_tick(&bounded, work_clock(NULL), &hand, &result, &report);
-        palp_bounded_spare(&bounded);
+        palp_answer_pose(&answer, value, &rest);
+        palp_answer_tick(&answer, work_clock(NULL), &hand, &result, &report);
+        palp_answer_spare(&answer);
         mix(&result.force_N, sizeof result.force_N);
         mix(assembly.w, 3 * assembly.seams.modes * sizeof(float));
-        mix(&bounded.moving.level, sizeof bounded.moving.level);
+        mix(&report.moving.level, sizeof report.moving.level);
     }
     printf("%016llx zones, ", (unsigned long long)hash);
 }
 
 /* Contact on the surface: a ball with friction, then a cylinder, pressed and drawn over the body by
  * the clock of the work done, which leaps now and then. */
-static palp_answer answer;
 static uint64_t leaps;
 static uint64_t answer_clock(void *context) {
     (void)context;

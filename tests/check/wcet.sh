@@ -16,8 +16,8 @@ body tables rabbit 2 0.004 16    # 642, tables on every level
 body flash rabbit 2 0.004 0.5 f16
 cp "$work/flash.model" "$work/half.model" && printf 'wavelet butterfly\nepsilon 0.01\n' >> "$work/half.model" && bake half # long columns in halves
 small_chain "$work/chain.palp"
-printf 'mesh bar.obj\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' > "$work/lively.model" && bake lively
-[ -s "$work/flash.palp" ] && [ -s "$work/lively.palp" ]; ok $? "bodies of 162 and 642 nodes, a chain and a dynamic body"
+printf 'mesh bar.obj\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' > "$work/dynamic.model" && bake dynamic
+[ -s "$work/flash.palp" ] && [ -s "$work/dynamic.palp" ]; ok $? "bodies of 162 and 642 nodes, a chain and a dynamic body"
 
 hold() { # hold TARGET: every case of every body within its bound
     target=$1
@@ -25,7 +25,7 @@ hold() { # hold TARGET: every case of every body within its bound
     for b in small middle half; do sh tests/wcet/cases.sh "$target" "$work/$b.palp" 4711 $((scale * 10)) hold | sed "s/^/$b /"; done > "$work/$target.held"
     sh tests/wcet/cases.sh "$target" "$work/tables.palp" 4711 $((scale * 30)) hold | sed "s/^/tables /" >> "$work/$target.held" # hunted most
     sh tests/wcet/cases.sh "$target" "$work/chain.palp" 4711 $((scale * 10)) hold | sed "s/^/chain /" >> "$work/$target.held"
-    sh tests/wcet/cases.sh "$target" "$work/lively.palp" 4711 "$scale" hold | sed "s/^/lively /" >> "$work/$target.held"
+    sh tests/wcet/cases.sh "$target" "$work/dynamic.palp" 4711 "$scale" hold | sed "s/^/dynamic /" >> "$work/$target.held"
     sed 's/^/#   /' "$work/$target.held"
     cases=$(awk '{n += $4} END {print n + 0}' "$work/$target.held")
     beyond=$(awk '{n += $8} END {print n + 0}' "$work/$target.held")
@@ -33,9 +33,9 @@ hold() { # hold TARGET: every case of every body within its bound
     ok $? "$target: $cases counted cases, $beyond beyond their bound"
     # of the 642 nodes with tables, at the default limits; what a whole tick can come to is what a short hunt finds
     tight() { awk -v o="$1" -v l="$2" '$1 == "tables" && $2 == o && $3 == l {printf "%.2f", $6 / $5}' "$work/$target.held"; }
-    pivot=$(tight step 0) points=$(tight points 3) whole=$(tight whole 3)
-    awk -v p="$pivot" -v q="$points" -v w="$whole" 'BEGIN {exit !(p >= 1 && p <= 1.25 && q >= 1 && q <= 1.5 && w >= 1 && w <= 4)}'
-    ok $? "$target: largest bound over most counted: a pivot of contact at nodes $pivot, contact points $points, a whole tick $whole"
+    points=$(tight points 3) whole=$(tight whole 3)
+    awk -v q="$points" -v w="$whole" 'BEGIN {exit !(q >= 1 && q <= 1.5 && w >= 1 && w <= 4)}'
+    ok $? "$target: largest bound over most counted: contact points $points, a whole tick $whole"
 }
 for t in x86-64 x86-64-avx2 cortex-a53 cortex-m7; do
     case $t in

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* subscriber SECONDS: a plain Cyclone DDS reader of what palpd publishes; one CSV line per message, and the largest gap between
- * wrenches at the end. */
+/* subscriber SECONDS: a plain Cyclone DDS reader of what palpd publishes; one CSV line per message,
+ * and the largest gap between wrenches at the end. */
 #include "telemetry_idl.h"
 #include <dds/dds.h>
 #include <stdio.h>

@@ -126,7 +126,7 @@ static void test_random(void) {
     free(copy);
 }
 
-/* A row longer than the blob says is refused where it is met: by contact, with a flag. */
+/* A row longer than the blob says is refused where it is met. */
 static void test_short_rows(void) {
     uint8_t *copy = allocate_aligned(sample.size, 1);
     const uint32_t one = 1;
@@ -136,14 +136,17 @@ static void test_short_rows(void) {
     reseal(copy);
     CHECK(palp_blob_open(&b, copy, sample.size) == PALP_OK,
           "a blob that understates its rows opens");
-    palp_node_contact c;
-    size_t bytes = palp_node_contact_memsize(&b, PALP_NODE_CONTACT_DEFAULTS);
-    palp_tool tool = palp_tool_sphere(0.2f);
-    (void)palp_node_contact_init(&c, &b, b.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                                 allocate_aligned(bytes, 1), bytes);
-    palp_node_contact_admit(&c, (palp_fresh){.slot = 0});
-    CHECK(c.count == 0 && (c.flags & PALP_NODE_CONTACT_CANDIDATES_FULL) != 0,
-          "and contact leaves the node out, flagged");
+    const uint32_t slots = b.domain[PALP_FREE].slots;
+    palp_row_scratch scratch = {.weight = allocate(slots, sizeof(float)),
+                                .mark = allocate((slots + 31) / 32, sizeof(uint32_t))};
+    palp_row row = {.index = allocate(slots, sizeof *row.index),
+                    .weight = allocate(slots, sizeof *row.weight)};
+    const palp_basis basis = {b.meta->constraint_level, slots - 1};
+    CHECK(!palp_basis_row(&b, basis, &scratch, &row, b.meta->max_row) &&
+              palp_basis_row(&b, basis, &scratch, &row, slots),
+          "and what it has no room for is not made");
+    void *owned[] = {scratch.weight, scratch.mark, row.index, row.weight};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     free(copy);
 }
 

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /* Contact on multizone models that move: compliances across seams, closed paths, zones that touch
  * each other, and the bounded-time answer. */
-#include "core/servo/bounded.h"
+#include "core/contact/contact_internal.h"
+#include "core/servo/answer.h"
 #include "tests/models.h"
 #include "tests/tap.h"
+#include "tools/press.h"
 #include "tools/util.h"
 #include <stdlib.h>
 #include <string.h>
@@ -26,12 +28,12 @@ static zoned make_chain(uint32_t n) {
                        0);
 }
 
-static palp_node_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
-                                       palp_node_contact_limits limits) {
-    palp_node_contact *c = allocate(1, sizeof *c);
-    size_t bytes = palp_node_contact_memsize_zones(a->zones, a->seams.finest, limits);
-    if (palp_node_contact_init_zones(c, a, pairs, tool, 1, limits, allocate_aligned(bytes, 1),
-                                     bytes) != PALP_OK)
+static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
+                                  uint32_t level) {
+    palp_contact *c = allocate(1, sizeof *c);
+    size_t bytes = palp_contact_memsize_zones(a, pairs, 1, level);
+    if (palp_contact_init_zones(c, a, pairs, tool, 1, level, allocate_aligned(bytes, 1), bytes) !=
+        PALP_OK)
         die(EXIT_WORK, "contact");
     return c;
 }
@@ -43,29 +45,34 @@ static void pose(palp_assembly *a, const float *value) {
     palp_assembly_settle(a);
 }
 
-static uint32_t free_slot(const palp_zones *z, uint32_t zone, uint32_t seed) {
-    return seed * 7919u % z->blob[zone].domain[PALP_FREE].slots;
+static uint32_t free_node(const palp_zones *z, uint32_t zone, uint32_t seed) {
+    const palp_domain *d = &z->blob[zone].domain[PALP_FREE];
+    return d->node[seed * 7919u % d->slots];
 }
 
-/* d . u at one place for a unit force along e at another, seams included, through the field path.
- */
-static double response(palp_assembly *a, uint32_t zone, uint32_t slot, palp_vec3 d,
+/* d . u at one node for a unit force along e at another, seams included, through the field path. */
+static double response(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3 d,
                        uint32_t loaded_zone, uint32_t loaded, palp_vec3 e) {
     const palp_zones *z = a->zones;
+    const palp_blob *b = &z->blob[zone];
     float *modes = allocate(3 * (size_t)z->zone[zone].modes, sizeof *modes);
+    float *felt = allocate(3 * (size_t)z->zone[loaded_zone].modes, sizeof *felt);
     float *w = allocate(3 * (size_t)a->seams.modes, sizeof *w);
     palp_assembly_unload(a);
-    palp_assembly_load(a, loaded_zone, loaded, e);
+    palp_zone_feel(z, FINEST, loaded_zone, loaded, 1.0f, e, felt);
+    palp_assembly_load(a, loaded_zone, felt);
     const float *total = palp_assembly_total(a);
     for (uint32_t i = 0; i < 3 * a->seams.modes; i++) w[i] = total[i] - a->w[i];
     palp_seams_spread(&a->seams, a->posture, FINEST, zone, w, modes);
-    double u = (double)palp_dot(d, palp_zone_follow(z, FINEST, zone, slot, modes));
-    if (zone == loaded_zone) {
+    double u = (double)palp_dot(d, palp_zone_follow(z, FINEST, zone, node, modes));
+    if (zone == loaded_zone && !palp_node_is_fixed(b, node) && !palp_node_is_fixed(b, loaded)) {
         float block[9];
-        palp_table_block(&z->blob[zone], z->blob[zone].meta->constraint_level, slot, loaded, block);
+        palp_table_block(b, b->meta->constraint_level, palp_node_slot(b, node),
+                         palp_node_slot(b, loaded), block);
         u += (double)palp_dot(d, palp_rotate(block, e));
     }
     free(modes);
+    free(felt);
     free(w);
     return u;
 }
@@ -78,7 +85,7 @@ static void test_reciprocity(const zoned *model) {
     for (uint32_t k = 0; k < 60; k++) {
         uint32_t p = k % 3, q = k / 3 % 3;
         const palp_vec3 d = {0.6f, 0.0f, 0.8f}, e = {0.0f, -1.0f, 0.0f};
-        uint32_t i = free_slot(a->zones, p, k + 1), j = free_slot(a->zones, q, 3 * k + 2);
+        uint32_t i = free_node(a->zones, p, k + 1), j = free_node(a->zones, q, 3 * k + 2);
         double there = response(a, p, i, d, q, j, e), back = response(a, q, j, e, p, i, d);
         worst = fmax(worst, fabs(there - back));
         most = fmax(most, fabs(there));
@@ -101,50 +108,117 @@ static void test_reciprocity(const zoned *model) {
     AT_MOST((double)palp_norm(turn) / (scale * EDGE), 1e-3, "and their moments");
 }
 
-/* Brings all candidates in for a tool at `at`, solves with a rigid grip. */
-static palp_vec3 press(palp_node_contact *c, palp_vec3 at) {
-    palp_fresh fresh[PALP_MAX_CANDIDATES];
-    palp_node_contact_follow(c);
-    uint32_t n = palp_node_contact_search(c, &at, fresh);
-    for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(c, fresh[i]);
-    return palp_node_contact_solve(c, at, (palp_grip){at, 0.0f});
+/* The force on a rigid tool at `at`, the points settled in a few ticks. */
+static palp_vec3 press(palp_contact *c, palp_vec3 at, int ticks) {
+    const palp_contact_spring spring = {at, 0.0f};
+    for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &spring);
+    return c->force_N[0];
 }
 
-/* g of the contact against unit forces through the seams' full solution. */
+static uint32_t zones_pressed(const palp_contact *c) {
+    uint32_t zones = 0;
+    for (uint32_t i = 0; i < c->count; i++) {
+        if (c->point[i].force_N > 0.0f) zones |= 1u << c->point[i].at.body;
+    }
+    return zones;
+}
+
+/* d . u between two points through the whole solution of the seams, shared out to their corners. */
+static double response_between(palp_assembly *a, const palp_contact_point *p,
+                               const palp_contact_point *q) {
+    const uint32_t zp = p->at.body, zq = q->at.body;
+    double sum = 0;
+    for (uint32_t k = 0; k < 9; k++) {
+        const uint32_t np = a->zones->blob[zp].triangle[3 * p->at.triangle + k % 3];
+        const uint32_t nq = a->zones->blob[zq].triangle[3 * q->at.triangle + k / 3];
+        sum += (double)(p->at.weight[k % 3] * q->at.weight[k / 3]) *
+               response(a, zp, np, p->m, zq, nq, q->m);
+    }
+    return sum;
+}
+
+/* What the compliances between points change by from the rest posture to another, against unit
+ * forces and the whole solution of the seams in both. */
 static void test_compliance(const zoned *model) {
     palp_assembly *a = model_assembly(model->zones, FINEST);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_node_contact *c =
-        open_contact(a, false, &tool, (palp_node_contact_limits){96, 48, 32, 60, false});
-    const float value[PALP_MAX_JOINTS] = {-0.2f, 0.1f};
+    palp_contact *c = open_contact(a, false, &tool, PALP_CONTACT_FINEST);
+    const float value[PALP_MAX_JOINTS] = {-0.2f, 0.1f}, rest[PALP_MAX_JOINTS] = {0.0f};
     pose(a, value);
-    for (uint32_t n = 0; n < 12; n++) {
-        palp_vec3 over = palp_carry(&a->world[2], (palp_vec3){0.0405f, 0.010f, 0.0265f});
-        (void)press(c, over); /* astride the seam between b and c */
-    }
-    double worst = 0, most = 0;
-    uint32_t zones = 0;
-    for (uint32_t i = 0; i < c->count; i++) {
-        const palp_candidate *p = &c->candidate[i];
-        zones |= 1u << p->body;
-        for (uint32_t j = 0; j <= i; j++) {
-            const palp_candidate *q = &c->candidate[j];
-            double g = response(a, p->body, p->slot, p->d, q->body, q->slot, q->d);
-            worst = fmax(worst, fabs(g - (double)palp_node_contact_g(c, i, j)));
-            most = fmax(most, fabs(g));
+    palp_vec3 over = palp_carry(&a->world[2], (palp_vec3){0.0405f, 0.010f, 0.0265f});
+    (void)press(c, over, 12); /* astride the seam between b and c */
+    const uint32_t n = c->count < 8 ? c->count : 8, by = c->count / n;
+    double g[8][8], r[8][8], worst = 0, most = 0;
+    uint32_t zones = zones_pressed(c);
+    for (int at_rest = 0; at_rest < 2; at_rest++) {
+        if (at_rest == 1) pose(a, rest);
+        palp_contact_bond(c);
+        for (uint32_t i = 0; i < n; i++) {
+            float *row = c->g + (size_t)(i * by) * c->room;
+            palp_contact_compliance_row(c, i * by, row);
+            for (uint32_t j = 0; j <= i; j++) {
+                const palp_contact_point *p = &c->point[i * by], *q = &c->point[j * by];
+                g[i][j] =
+                    (at_rest == 0 ? 0 : g[i][j]) + (at_rest == 0 ? 1 : -1) * (double)row[j * by];
+                r[i][j] = (at_rest == 0 ? 0 : r[i][j]) +
+                          (at_rest == 0 ? 1 : -1) * response_between(a, p, q);
+            }
         }
     }
-    CHECK(zones == 6u && c->count > 5, "a tool astride a seam has %u candidates on both zones",
-          c->count);
-    AT_MOST(worst / most, 1e-5, "their compliances against unit forces and the whole solution");
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t j = 0; j <= i; j++) {
+            worst = fmax(worst, fabs(g[i][j] - r[i][j]));
+            most = fmax(most, fabs(r[i][j]));
+        }
+    }
+    CHECK(zones == 6u && n == 8, "a tool astride a seam has points on both zones");
+    AT_MOST(
+        worst / most, 1e-3,
+        "what bending changes of their compliances, against unit forces and the whole solution");
+}
+
+/* ---- against one body ---- */
+
+/* Presses along a line over the cut bar, and over the same bar in one piece. */
+static void test_cut(uint32_t n, uint32_t level) {
+    zoned cut = make_chain(n);
+    static const int bar3[3][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
+    uint32_t *cell;
+    baked whole = model_bake(model_voxels(bar3, 3, EDGE, n, &cell), 1e-6, 0, false, false);
+    const double scale = 3e4 / whole.material.young_Pa;
+    palp_assembly *a = model_assembly(cut.zones, level);
+    const float radius = 0.008f;
+    const palp_tool tool = palp_tool_sphere(radius);
+    palp_contact *c = open_contact(a, false, &tool, PALP_CONTACT_FINEST);
+    palp_contact *one = press_open(&whole.blob, &tool, 1, PALP_CONTACT_FINEST);
+    double worst = 0, mean = 0, step = 0, last = 0;
+    int count = 0;
+    for (int i = 0; i <= 60; i++) {
+        palp_vec3 at = {0.014f + 0.0002f * (float)i, 0.0105f, (float)EDGE + 0.9f * radius};
+        double f = (double)palp_norm(press(c, at, i == 0 ? 12 : 3));
+        press_hold(one, at, i == 0 ? 12 : 3);
+        double g = scale * (double)palp_norm(one->force_N[0]);
+        worst = fmax(worst, fabs(f / g - 1));
+        mean += fabs(f / g - 1);
+        if (i > 0) step = fmax(step, fabs(f - last) / g);
+        last = f;
+        count++;
+        if (i % 6 == 0) printf("# x %.4f: cut %.5f, whole %.5f, %.3f\n", (double)at.x, f, g, f / g);
+    }
+    printf("# %u per edge, seams level %u: off the uncut bar by %.3g in the mean, %.3g at worst, "
+           "largest step %.3g\n",
+           n, level, mean / count, worst, step);
+    AT_MOST(worst, 0.07,
+            "a bar that is cut, sliding over the seam, against the same bar in one piece");
+    AT_MOST(step, 0.02, "largest step on the way");
 }
 
 /* ---- energy ---- */
 
 /* Bending of the seams and contact together. */
-static double energy(palp_assembly *a, const palp_node_contact *c) {
+static double energy(palp_assembly *a, const palp_contact *c) {
     double bent = (double)palp_seams_energy(&a->seams, a->posture, a->seams.finest, a->w);
-    return bent + (c != NULL ? (double)palp_node_contact_energy(c) : 0);
+    return bent + (c != NULL ? (double)c->energy_J : 0);
 }
 
 /* The moments that the seams exert on the links are what the stored energy changes by. */
@@ -180,88 +254,113 @@ static void test_moments(const zoned *model) {
 }
 
 typedef struct {
-    double hand_J, joints_J, stored_J, left_J;
+    double hand_J, joints_J, stored_J;
     uint32_t active, zones;
 } path_work;
 
-/*
- * Net work that hand and joints do on the model over one turn of a closed path in `steps`. Joints
- * move while the tool stands, and do what the stored energy grows by; then the tool moves, and the
- * hand does what its force says.
- */
-static path_work go_round(const zoned *model, uint32_t steps, uint32_t level) {
+/* What the model does on each joint (Nm): through the seams on all links beyond it, and by the tool
+ * on those links' surfaces, whose exact force acts at the tool's place. */
+static void joint_moments(palp_assembly *a, palp_contact *c, palp_vec3 at, double *tau) {
+    palp_vec3 on[3] = {{0}};
+    palp_contact_load(c);
+    (void)palp_assembly_total(a);
+    for (uint32_t i = 0; i < c->count; i++) {
+        const palp_contact_point *p = &c->point[i];
+        on[p->at.body] = palp_madd(on[p->at.body], p->force_N, p->out);
+    }
+    for (uint32_t z = 0; z < 3; z++) { /* what is beyond -sum lambda m, in the same shares */
+        float all = palp_norm(on[0]) + palp_norm(on[1]) + palp_norm(on[2]);
+        if (all > 0.0f) on[z] = palp_madd(on[z], -palp_norm(on[z]) / all, c->beyond_N[0]);
+    }
+    for (uint32_t j = 0; j < 2; j++) {
+        const palp_joint_entry *e = &a->zones->joint[j];
+        const palp_frame *frame = &a->posture->frame[e->parent];
+        palp_vec3 axis = palp_rotate(frame->r, palp_vec3_at(e->axis));
+        palp_vec3 origin = palp_carry(frame, palp_vec3_at(e->origin_m));
+        tau[j] = 0;
+        for (uint32_t z = j + 1; z < 3; z++) {
+            palp_vec3 force, moment;
+            palp_assembly_wrench(a, z, &force, &moment);
+            moment = palp_sub(moment, palp_cross(origin, force));
+            moment = palp_add(moment, palp_cross(palp_sub(at, origin), on[z]));
+            tau[j] += (double)palp_dot(axis, moment);
+        }
+    }
+}
+
+/* Net work that hand and joints do on the model over one turn of a closed path in `steps`; swing:
+ * of the joints, 0: they stand. */
+static path_work go_round(const zoned *model, uint32_t steps, uint32_t level, float swing) {
     palp_assembly *a = model_assembly(model->zones, level);
     const palp_tool tool = palp_tool_sphere(0.008f);
-    palp_node_contact *c =
-        open_contact(a, false, &tool, (palp_node_contact_limits){96, 60, 40, 90, false});
+    palp_contact *c = open_contact(a, false, &tool, PALP_CONTACT_FINEST);
     path_work r = {.hand_J = 0};
-    palp_vec3 last_at = {0.0f, 0.0f, 0.0f};
-    double last_J = 0, first_J = 0;
+    palp_vec3 last_at = {0}, last_force = {0};
+    double first_J = 0, last_tau[2] = {0};
+    float last[2] = {0};
     for (uint32_t i = 0; i <= steps; i++) {
-        double s = 2 * 3.14159265358979 * i / steps;
-        const float value[PALP_MAX_JOINTS] = {(float)(0.25 * sin(s)), (float)(0.2 * sin(2 * s))};
+        double s = 2 * 3.14159265358979 * i / steps, tau[2];
+        const float value[PALP_MAX_JOINTS] = {swing * (float)(0.08 * sin(s)),
+                                              swing * (float)(0.1 * sin(2 * s))};
         palp_vec3 at = {(float)(0.037 + 0.008 * sin(s)), (float)(0.010 + 0.003 * cos(s)),
-                        (float)(0.0260 + 0.0035 * cos(s))};
-        if (i == 0) last_at = at;
+                        (float)(0.0268 + 0.0015 * cos(s))};
         pose(a, value);
-        palp_vec3 before = press(c, last_at);
-        double moved_J = energy(a, c);
-        palp_vec3 after = press(c, at);
+        palp_vec3 force = press(c, at, i == 0 ? 12 : 1);
         double now_J = energy(a, c);
-        if (i == 0) first_J = moved_J;
-        if (i > 0) {
-            r.joints_J += moved_J - last_J;
-            r.hand_J -= 0.5 * (double)palp_dot(palp_add(before, after), palp_sub(at, last_at));
-        }
+        joint_moments(a, c, at, tau);
+        if (i == 0) first_J = now_J;
+        for (uint32_t j = 0; j < 2 && i > 0; j++)
+            r.joints_J -= 0.5 * (tau[j] + last_tau[j]) * (double)(value[j] - last[j]);
+        if (i > 0)
+            r.hand_J -= 0.5 * (double)palp_dot(palp_add(last_force, force), palp_sub(at, last_at));
         r.stored_J = fmax(r.stored_J, now_J - first_J);
-        for (uint32_t k = 0; k < c->active_count; k++)
-            r.zones |= 1u << c->candidate[c->active[k]].body;
+        r.zones |= zones_pressed(c);
         if (c->active_count > r.active) r.active = c->active_count;
         last_at = at;
-        last_J = now_J;
+        last_force = force;
+        for (uint32_t j = 0; j < 2; j++) {
+            last[j] = value[j];
+            last_tau[j] = tau[j];
+        }
     }
-    r.left_J = last_J - first_J;
     return r;
 }
 
-static void test_closed_path(const zoned *model, uint32_t level) {
-    double off[3];
+/* Where a bent seam is a fold, the force is exact as at any sharp edge: to some per cent. */
+static void test_closed_path(const zoned *model, uint32_t level, float swing, double most) {
+    double off[2];
     path_work r = {.hand_J = 0};
-    for (uint32_t k = 0; k < 3; k++) {
-        r = go_round(model, 200u << (2 * k), level);
+    for (uint32_t k = 0; k < 2; k++) {
+        r = go_round(model, 800u << k, level, swing);
         off[k] = fabs(r.hand_J + r.joints_J) / r.stored_J;
-        printf("# level %u, %u steps: hand %.3g J, joints %.3g J, together %.2g of the %.3g J "
-               "stored in between; up to %u nodes of zones %#x\n",
-               level, 200u << (2 * k), r.hand_J, r.joints_J, off[k], r.stored_J, r.active, r.zones);
+        printf("# seams level %u, %u steps: hand %.3g J, joints %.3g J, together %.2g of the %.3g "
+               "J stored in between; up to %u points on zones %#x\n",
+               level, 800u << k, r.hand_J, r.joints_J, off[k], r.stored_J, r.active, r.zones);
     }
-    CHECK(r.zones == 6u && r.active >= 4,
-          "level %u: the path touches two zones with up to %u nodes", level, r.active);
-    AT_MOST(fabs(r.left_J) / r.stored_J, 1e-5, "what is stored comes back");
-    AT_MOST(off[2], 1e-4,
-            "closed path of tool and joints: net work over what is stored in between");
-    CHECK(off[2] < off[0], "and it vanishes with the step: %.2g, %.2g, %.2g", off[0], off[1],
-          off[2]);
-    CHECK(fabs(r.hand_J) > 100 * fabs(r.hand_J + r.joints_J),
-          "while the joints do %.3g J and the hand %.3g J", r.joints_J, r.hand_J);
+    CHECK(r.zones == 6u && r.active >= 4, "the path touches two zones with up to %u points",
+          r.active);
+    AT_MOST(off[1], most, "closed path of tool%s: net work over what is stored in between",
+            swing > 0 ? " and joints" : ", joints standing");
 }
 
 /* ---- zones before zones ---- */
 
 /* Forces of the pairs on each zone, and the largest penetration that is left. */
-static double pair_forces(const palp_node_contact *c, palp_vec3 *on, uint32_t *pairs) {
+static double pair_forces(const palp_contact *c, palp_vec3 *on, uint32_t *pairs) {
     double deepest = 0;
     *pairs = 0;
     for (uint32_t z = 0; z < 3; z++) on[z] = (palp_vec3){0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < c->count; i++) {
-        const palp_candidate *k = &c->candidate[i];
-        if (k->tool != PALP_ZONE_TOOL) continue;
-        double left = (double)(k->at.depth_m - k->relief_m - palp_node_contact_indentation(c, i));
-        deepest = fmax(deepest, left);
-        if (!c->candidate[i].active) continue;
+        const palp_contact_point *p = &c->point[i];
+        const palp_contact_patch *patch = &c->patch[p->patch];
+        if (patch->tool < PALP_CONTACT_TOOLS || !c->facing[i].found) continue;
+        float closed = palp_dot(p->m, p->u_m) + palp_dot(c->facing[i].m, c->facing[i].u_m);
+        deepest = fmax(deepest, (double)(c->target[i] - closed));
+        if (!(p->force_N > 0.0f)) continue;
         (*pairs)++;
-        on[k->body] = palp_madd(on[k->body], -k->force_N, k->n);
-        palp_vec3 d = palp_rotate(c->assembly->world[k->facing.body].r, k->facing.d);
-        on[k->facing.body] = palp_madd(on[k->facing.body], -k->force_N, d);
+        palp_vec3 there = palp_rotate(c->assembly->world[patch->other].r, c->facing[i].m);
+        on[patch->body] = palp_madd(on[patch->body], p->force_N, p->out);
+        on[patch->other] = palp_madd(on[patch->other], p->force_N, there);
     }
     return deepest;
 }
@@ -284,15 +383,14 @@ static void test_pairs(void) {
     remove(labels);
     palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
-    palp_node_contact *c =
-        open_contact(a, true, &tool, (palp_node_contact_limits){96, 48, 16, 90, false});
+    palp_contact *c = open_contact(a, true, &tool, PALP_CONTACT_FINEST);
     palp_vec3 on[3], far = {1.0f, 1.0f, 1.0f};
     uint32_t pairs = 0, before = 0;
     double deepest = 0, force[2] = {0}, jump = 0, last = 0;
     for (uint32_t i = 0; i <= 800; i++) {
         float value[PALP_MAX_JOINTS] = {0.0f, -0.68f * (float)i / 800.0f};
         pose(a, value);
-        (void)press(c, far);
+        (void)press(c, far, 1);
         deepest = pair_forces(c, on, &pairs);
         double now = (double)palp_norm(on[2]);
         jump = fmax(jump, fabs(now - last));
@@ -304,8 +402,8 @@ static void test_pairs(void) {
     CHECK(before == 0 && pairs > 0, "arms apart: %u pairs; pressed together: %u", before, pairs);
     CHECK(force[1] > force[0] && force[0] > 0,
           "the more they turn the harder they press: %.3g, %.3g N", force[0], force[1]);
-    AT_MOST((double)palp_norm(palp_add(on[1], on[2])) / force[1], 0.05,
-            "what one does to the other comes back (directions are renewed a few at a time)");
+    AT_MOST((double)palp_norm(palp_add(on[1], on[2])) / force[1], 1e-5,
+            "what one does to the other comes back");
     AT_MOST(jump / force[1], 0.1, "largest step of the force while they close in 800 steps");
     AT_MOST(deepest / EDGE, 2e-3, "penetration that is left, over the arms' width");
 }
@@ -313,41 +411,42 @@ static void test_pairs(void) {
 /* ---- bounded time ---- */
 
 typedef struct {
-    palp_bounded *b;
+    palp_answer *b;
 } work_clock;
 
 static uint64_t now_ns(void *context) {
     const work_clock *k = context;
-    return palp_bounded_work(k->b) + 10000000u; /* ticks may have begun before */
+    /* ticks may have begun before */
+    return (uint64_t)(0.3 * (double)palp_answer_work(k->b)) + 10000000u;
 }
 
 /* Ticks with a posture each under a budget (of work): the levels used, late ticks, largest step of
  * the force. */
 static void run_budget(const zoned *model, double budget_us, uint32_t finest, double tardy_us) {
     palp_assembly *a = model_assembly(model->zones, finest);
-    palp_bounded *b = allocate(1, sizeof *b);
+    palp_answer *b = allocate(1, sizeof *b);
     work_clock clock = {.b = b};
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    palp_bounded_config config = {.assembly = a,
-                                  .tools = &tool,
-                                  .tool_count = 1,
-                                  .limits = {24, 12, 4, 12, false},
-                                  .cost = {.target = &palp_target_counted,
-                                           .ns_per_instruction = 1.0f,
-                                           .margin = (float)(budget_us / 1000)},
-                                  .port = {.now_ns = now_ns, .context = &clock},
-                                  .dt_s = 1e-3f};
-    size_t bytes = palp_bounded_memsize(model->zones, finest, config.limits);
+    palp_answer_config config = {.assembly = a,
+                                 .tools = &tool,
+                                 .tool_count = 1,
+                                 .finest = PALP_CONTACT_FINEST,
+                                 .cost = {.target = &palp_target_counted,
+                                          .ns_per_instruction = 0.3f,
+                                          .margin = (float)(budget_us / 1000)},
+                                 .port = {.now_ns = now_ns, .context = &clock},
+                                 .dt_s = 1e-3f};
+    size_t bytes = palp_answer_memsize_zones(a, false, 1, config.finest);
     float bound = 0;
-    palp_status status = palp_bounded_init(b, &config, allocate_aligned(bytes, 1), bytes, &bound);
+    palp_status status = palp_answer_init(b, &config, allocate_aligned(bytes, 1), bytes, &bound);
     if (status == PALP_ERR_BUDGET) {
         CHECK(budget_us * 1e3 < (double)bound,
               "a budget of %.0f us is refused: the least answer may take %.0f", budget_us,
               (double)bound * 1e-3);
         return;
     }
-    b->coupling.spring[0].stiffness_N_per_m = 200.0f;
+    b->coupling.tool[0].stiffness_N_per_m = 200.0f;
     uint32_t at[PALP_SEAM_LEVELS + 1] = {0}, late = 0, aborted = 0, touching = 0;
     double most = 0, jump = 0, strongest = 0;
     palp_vec3 last = {0};
@@ -357,21 +456,21 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
         palp_sincos(25.132741f * s, &one, &two);
         const float value[PALP_MAX_JOINTS] = {0.3f * sine, 0.2f * one};
         palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
-        palp_node_coupling_result result;
-        palp_bounded_report report;
+        palp_coupling_result result;
+        palp_answer_report report;
         uint64_t start = now_ns(&clock) - (uint64_t)(tardy_us * 1e3);
-        palp_bounded_pose(b, value, &rest);
-        palp_bounded_tick(b, start, &hand, &result, &report);
+        palp_answer_pose(b, value, &rest);
+        palp_answer_tick(b, start, &hand, &result, &report);
         double used = (double)(now_ns(&clock) - start);
         most = fmax(most, used);
         late += used > budget_us * 1e3;
-        at[b->moving.level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : b->moving.level]++;
-        aborted += b->moving.aborted;
+        at[report.moving.level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : report.moving.level]++;
+        aborted += report.moving.aborted;
         touching += report.active > 0;
         jump = fmax(jump, (double)palp_norm(palp_sub(result.force_N, last)));
         strongest = fmax(strongest, (double)palp_norm(result.force_N));
         last = result.force_N;
-        palp_bounded_spare(b);
+        palp_answer_spare(b);
     }
     printf("# budget %.0f us, finest level %u, ticks that begin %.0f us late: levels", budget_us,
            finest, tardy_us);
@@ -388,14 +487,17 @@ int main(void) {
     zoned chain = make_chain(5);
     test_reciprocity(&chain);
     test_compliance(&chain);
+    test_cut(5, 4);
+    test_cut(8, 4);
     test_moments(&chain);
-    test_closed_path(&chain, FINEST);
-    test_closed_path(&chain, 1);
+    test_closed_path(&chain, FINEST, 0.0f, 1e-3);
+    test_closed_path(&chain, FINEST, 1.0f, 3e-2);
+    test_closed_path(&chain, 1, 1.0f, 3e-2);
     test_pairs();
     run_budget(&chain, 950, 4, 0);
     run_budget(&chain, 700, 4, 0);
     run_budget(&chain, 600, 3, 0);
-    run_budget(&chain, 800, 4, 550);
+    run_budget(&chain, 800, 4, 400);
     run_budget(&chain, 100, 4, 0);
     return tap_done();
 }

@@ -104,11 +104,11 @@ int main(void) {
     }
     AT_MOST(errors[0], 1e-5, "its charge against elimination, nothing dropped");
     AT_MOST(errors[1], 0.02, "and at epsilon 0.05, %zu bytes for %zu", sizes[1], sizes[0]);
-    palp_node_contact c;
+    palp_contact c;
     palp_tool tool = palp_tool_sphere(0.1f);
-    size_t room = palp_node_contact_memsize(&blob, PALP_NODE_CONTACT_DEFAULTS);
-    CHECK(palp_node_contact_init(&c, &blob, blob.rest_m, &tool, 1, PALP_NODE_CONTACT_DEFAULTS,
-                                 allocate_aligned(room, 1), room) == PALP_ERR_ARGUMENT,
+    size_t room = palp_contact_memsize(&blob, 1, 0);
+    CHECK(palp_contact_init(&c, &blob, &tool, 1, 0, allocate_aligned(room, 1), room) ==
+              PALP_ERR_ARGUMENT,
           "nothing to touch: contact refuses a scalar blob");
     return tap_done();
 }

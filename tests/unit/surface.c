@@ -29,13 +29,13 @@ static palp_vec3 times(const double d[3], double s) {
 
 /* B and the modes together are G, block by block, between free nodes. */
 static void test_split(const baked *b) {
-    regular_body body = {.m = &b->m,
-                         .area = b->area,
-                         .normal = b->normal,
-                         .young_Pa = (double)b->blob.meta->young_Pa,
-                         .poisson = (double)b->blob.meta->poisson,
-                         .h = &b->d.h,
-                         .level = b->blob.meta->levels - 1};
+    regular_body body = {
+        .m = &b->m,
+        .area = b->area,
+        .normal = b->normal,
+        .material = {(double)b->blob.meta->young_Pa, (double)b->blob.meta->poisson},
+        .h = &b->d.h,
+        .level = b->blob.meta->levels - 1};
     regular_stars *stars = regular_stars_build(&body);
     const palp_regular *g = &b->blob.regular;
     double off = 0, all = 0, own = 0;
@@ -43,8 +43,8 @@ static void test_split(const baked *b) {
         for (uint32_t j = 0; j < b->m.vertices; j += 3) {
             if (b->fixed[i] != 0 || b->fixed[j] != 0) continue;
             double there[9], back[9], self = 0, wrong = 0;
-            regular_half_space(stars, i, j, there);
-            regular_half_space(stars, j, i, back);
+            regular_half_space(stars, body.material, i, j, there);
+            regular_half_space(stars, body.material, j, i, back);
             for (size_t e = 0; e < 9; e++) {
                 double sum = 0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
                 for (size_t a = 0; a < g->modes; a++)
@@ -104,9 +104,9 @@ static void test_hertz(const baked *b) {
             palp_surface_point p = c->point[0].at;
             float row[PALP_MAX_MODES];
             uint32_t crossings = 64;
-            CHECK(palp_surface_shoot(&c->surface, at, times(d, -1), &crossings, &p) || i > 0,
+            CHECK(palp_surface_shoot(c->surface, at, times(d, -1), &crossings, &p) || i > 0,
                   "the surface is met below the tool");
-            palp_surface_modes(&c->surface, &p, times(d, 1), m->modes, row, 1);
+            palp_surface_modes(c->surface, &p, times(d, 1), m->modes, row, 1);
             for (uint32_t k = 0; k < m->modes; k++)
                 h += (double)(b->blob.regular.value[k] * row[k] * row[k]);
             for (int it = 0; it < 80; it++) /* depth = Hertz' own and what the ball gives */
@@ -391,7 +391,7 @@ static void test_two_tools(const baked *b) {
 static palp_vec3 sum_of_loads(const palp_contact *c) {
     palp_load load[512];
     palp_vec3 sum = {0};
-    uint32_t loads = palp_contact_loads(c, 0, (palp_vec3){0}, load, 0, 512);
+    uint32_t loads = palp_contact_loads(c, 0, 0, (palp_vec3){0}, load, 0, 512);
     for (uint32_t i = 0; i < loads; i++) sum = palp_add(sum, load[i].force_N);
     return sum;
 }
@@ -493,8 +493,7 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
                     palp_surface_point p = {.triangle =
                                                 nearest_triangle(&body[k]->blob, times(d, 1))};
                     uint32_t crossings = 64;
-                    (void)palp_surface_shoot(&c->surface, times(d, 2), times(d, -1), &crossings,
-                                             &p);
+                    (void)palp_surface_shoot(c->surface, times(d, 2), times(d, -1), &crossings, &p);
                     press_hold(c, palp_madd(p.y, (float)(radius - depth), times(d, 1)), 10);
                     force[k] = c->force_N[0];
                 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Multizone models: seams, postures, levels, cost, contact, against double precision. */
 #include "core/zone/assembly.h"
-#include "core/touch/contact.h"
+#include "core/contact/contact.h"
 #include "tests/models.h"
 #include "tests/tap.h"
 #include "tools/dense.h"
@@ -215,6 +215,14 @@ static uint32_t some_free_node(const palp_blob *b, uint32_t seed) {
     return d->node[seed % d->slots];
 }
 
+/* A force (zone's frame) at one node. */
+static void load_node(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3 force_N) {
+    float *felt = allocate(3 * (size_t)a->zones->zone[zone].modes + 1, sizeof *felt);
+    palp_zone_feel(a->zones, PALP_SEAM_LEVELS - 1, zone, node, 1.0f, force_N, felt);
+    palp_assembly_load(a, zone, felt);
+    free(felt);
+}
+
 /* Largest error over the largest displacement, all free nodes, seams on `level`. */
 static double against_oracle(palp_assembly *a, oracle *o, const float *value, uint32_t level) {
     const palp_zones *z = a->zones;
@@ -224,7 +232,7 @@ static double against_oracle(palp_assembly *a, oracle *o, const float *value, ui
     double worst = 0, most = 0;
     pose(a, value, level);
     palp_assembly_unload(a);
-    palp_assembly_load(a, zone, palp_node_slot(&z->blob[zone], loaded), f);
+    load_node(a, zone, loaded, f);
     const float *total = palp_assembly_total(a);
     oracle_solve(o, value, zone, loaded, force);
     for (uint32_t i = 0; i < z->meta->zones; i++) {
@@ -232,8 +240,7 @@ static double against_oracle(palp_assembly *a, oracle *o, const float *value, ui
         palp_seams_zone(&a->seams, a->posture, a->seams.finest, i, total, modes);
         for (uint32_t n = 0; n < z->blob[i].meta->nodes; n++) {
             if (palp_node_is_fixed(&z->blob[i], n)) continue;
-            uint32_t slot = palp_node_slot(&z->blob[i], n);
-            palp_vec3 u = palp_zone_follow(z, a->seams.finest, i, slot, modes);
+            palp_vec3 u = palp_zone_follow(z, a->seams.finest, i, n, modes);
             double exact[3], own[3] = {0};
             for (size_t e = 0; e < 9 && i == zone; e++)
                 own[e / 3] += greens_row(&o->g[i], n, e / 3)[3 * loaded + e % 3] * force[e % 3];
@@ -467,7 +474,6 @@ static double bar_error(uint32_t n, const char *lines, bool crisp) {
     greens_reciprocity(&g, &m, true);
     palp_assembly *a = model_assembly(cut.zones, 5);
     uint32_t last = cut.zones->meta->zones - 1;
-    const palp_blob *b = &cut.zones->blob[last];
     double worst = 0, norm = 0;
     for (int direction = 0; direction < 3; direction++) { /* a pull and two bendings at the end */
         double *load = allocate(m.vertices, sizeof *load);
@@ -479,7 +485,7 @@ static double bar_error(uint32_t n, const char *lines, bool crisp) {
             load[i] = 1;
             palp_vec3 f = {direction == 0 ? 1.0f : 0.0f, direction == 1 ? 1.0f : 0.0f,
                            direction == 2 ? 1.0f : 0.0f};
-            palp_assembly_load(a, last, palp_node_slot(b, twin), f);
+            load_node(a, last, twin, f);
         }
         const float *total = palp_assembly_total(a);
         double off2 = 0, all2 = 0;
@@ -495,8 +501,7 @@ static double bar_error(uint32_t n, const char *lines, bool crisp) {
                     for (size_t c = 0; c < 3 && load[j] > 0; c++)
                         u[c] += greens_row(&g, i, c)[3 * j + (size_t)direction];
                 }
-                palp_vec3 got = palp_zone_follow(cut.zones, 5, z,
-                                                 palp_node_slot(&cut.zones->blob[z], k), modes);
+                palp_vec3 got = palp_zone_follow(cut.zones, 5, z, k, modes);
                 const double off[3] = {(double)got.x - u[0], (double)got.y - u[1],
                                        (double)got.z - u[2]};
                 off2 += v_dot(off, off);
@@ -632,6 +637,21 @@ static void test_bending(const zoned *model) {
 
 /* ---- hostile models ---- */
 
+/* Contact with whatever the model is. */
+static void touch(palp_assembly *a) {
+    const palp_tool tool = palp_tool_sphere(0.01f);
+    const palp_vec3 at = {0.045f, 0.01f, 0.025f};
+    const palp_contact_spring spring = {at, 100.0f};
+    size_t room = palp_contact_memsize_zones(a, true, 1, 0);
+    void *memory = allocate_aligned(room + 1, 1);
+    palp_contact *c = allocate(1, sizeof *c);
+    if (palp_contact_init_zones(c, a, true, &tool, 1, 0, memory, room) == PALP_OK) {
+        for (int i = 0; i < 3; i++) palp_contact_solve(c, &at, &spring);
+    }
+    free(memory);
+    free(c);
+}
+
 /* Words of the describing sections take hostile values: either refused, or used without harm. */
 static void test_hostile(const zoned *model) {
     static const uint32_t words[] = {0,   1,     2,          3,          31,         47,
@@ -666,6 +686,7 @@ static void test_hostile(const zoned *model) {
                     pose(a, value, finest);
                     for (uint32_t zone = 0; zone < z->meta->zones; zone++)
                         (void)palp_assembly_place(a, zone, 0);
+                    touch(a);
                 }
                 free(memory);
                 free(a);

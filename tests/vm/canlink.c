@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* canlink NAME up|down|restart|config BITRATE RESTART_MS: what a ramdisk's `ip` does not know of CAN. */
+/* canlink NAME up|down|restart|config BITRATE RESTART_MS: what a ramdisk's `ip` does not know of
+ * CAN. */
 #include <errno.h>
 #include <linux/can/netlink.h>
 #include <linux/if_link.h>

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * slcan INTERFACE: a serial-line CAN adapter, played on a pseudo terminal. The kernel's slcan driver
- * sits on the terminal's other end, and what it sends goes to INTERFACE and back. SIGUSR1 makes the
- * adapter report error-passive, SIGUSR2 bus-off (nothing passes from then), SIGHUP error-active.
+ * slcan INTERFACE: a serial-line CAN adapter, played on a pseudo terminal. The kernel's slcan
+ * driver sits on the terminal's other end, and what it sends goes to INTERFACE and back. SIGUSR1
+ * makes the adapter report error-passive, SIGUSR2 bus-off (nothing passes from then), SIGHUP
+ * error-active.
  */
 #define _GNU_SOURCE
 #include <errno.h>

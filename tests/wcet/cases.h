@@ -3,6 +3,7 @@
 #ifndef PALP_TESTS_CASES_H
 #define PALP_TESTS_CASES_H
 
+#include "core/green/cost.h"
 #include "core/palp.h"
 #include "instructions.h"
 #include "tools/hunt.h"
@@ -55,8 +56,11 @@ static inline void cases_tell_features(cases *c, const char *operation, uint32_t
     c->sink(c, operation, level, f, bound, counted);
 }
 
-/* `episodes` of contact on a blob, from `seed`: tools, limits, levels and paths of all kinds. */
-void cases_of_contact(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
+/* A tick of contact, step by step, tools at[] on their springs; `unit`: its costs at unit prices.
+ */
+void cases_of_tick(cases *c, palp_contact *contact, const palp_contact_cost *unit,
+                   const palp_vec3 *at, const palp_contact_spring *spring);
+
 /* Contact on the surface: tools, levels and places of all kinds. */
 void cases_of_surface(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);
 /* Whole ticks of the bounded answer and of the servo. */

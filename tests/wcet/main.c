@@ -94,7 +94,6 @@ static int run(cases *c, size_t bytes, uint64_t seed, uint32_t episodes, bool on
         cases_of_ticks(c, &blob, seed, episodes);
         if (only) return 0;
         cases_of_green(c, &blob, seed, 20u * episodes);
-        cases_of_contact(c, &blob, seed, episodes);
     } else if (palp_tets_open(&tets, c->memory, bytes) == PALP_OK) {
         cases_of_dyna(c, &tets, seed, episodes);
     } else if (palp_zones_open(&zones, c->memory, bytes) == PALP_OK) {

@@ -38,6 +38,11 @@ static float of_finish(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_finish(c, s->level, s->count, s->active);
 }
 
+static float of_place(const palp_contact_cost *c, const step *s) {
+    (void)s;
+    return palp_contact_cost_place(c) + c->price.of[PALP_WORK_FINISH];
+}
+
 static palp_vec3 anywhere(dice *d) {
     return (palp_vec3){dice_float(d), dice_float(d), dice_float(d)};
 }
@@ -74,21 +79,27 @@ static palp_tool some_tool(dice *d, float edge) {
     }
 }
 
+/* A contact on the surface. */
 typedef struct {
     cases *c;
-    palp_contact_cost *unit;
-    palp_contact contact;
+    const palp_contact_cost *unit;
+    palp_contact *contact;
 } episode;
 
 static void tell(episode *e, const char *name, bound_of bound, const step *s, uint64_t counted) {
     const question q = {e->unit, bound, s};
-    cases_tell(e->c, name, e->contact.now, answer, &q, counted);
+    cases_tell(e->c, name, e->contact->now, answer, &q, counted);
 }
 
-static void one_tick(episode *e, palp_vec3 at, palp_contact_spring spring) {
-    palp_contact *c = &e->contact;
+void cases_of_tick(cases *cases, palp_contact *contact, const palp_contact_cost *unit,
+                   const palp_vec3 *at, const palp_contact_spring *spring) {
+    episode episode = {cases, unit, contact}, *e = &episode;
+    palp_contact *c = contact;
     step s = {.count = 0};
-    palp_contact_begin(c, &at, &spring);
+    uint64_t begun = instructions();
+    palp_contact_begin(c, at, spring);
+    uint64_t placed = instructions();
+    if (c->assembly != NULL) tell(e, "place", of_place, &s, placed - begun);
     s.level = c->level;
     for (bool more = true; more;) {
         uint64_t before = instructions();
@@ -124,25 +135,24 @@ static void one_tick(episode *e, palp_vec3 at, palp_contact_spring spring) {
 static void run(cases *c, const palp_blob *blob, dice *d) {
     const size_t used = c->used;
     const float edge = blob->meta->mean_edge_m;
-    episode *e = cases_take(c, sizeof *e);
+    palp_contact *contact = cases_take(c, sizeof *contact);
     palp_tool *tool = cases_take(c, sizeof *tool);
     *tool = some_tool(d, edge);
-    e->c = c;
-    e->unit = cases_take(c, PALP_WORKS * sizeof *e->unit);
+    palp_contact_cost *unit = cases_take(c, PALP_WORKS * sizeof *unit);
     for (uint32_t k = 0; k < cases_prices(c); k++) {
         palp_prices price = cases_price(c, k);
-        e->unit[k] = palp_contact_cost_of(blob, tool, 1, &price);
+        unit[k] = palp_contact_cost_of(blob, tool, 1, &price);
     }
     const uint32_t finest = PALP_CONTACT_LEVELS - 1u;
     size_t bytes = palp_contact_memsize(blob, 1, finest);
     void *memory = cases_take(c, bytes);
-    if (palp_contact_init(&e->contact, blob, tool, 1, finest, memory, bytes) == PALP_OK) {
+    if (palp_contact_init(contact, blob, tool, 1, finest, memory, bytes) == PALP_OK) {
         const float extent = palp_tool_extent(tool);
         uint32_t node = blob->domain[PALP_FREE].node[dice_below(d, blob->domain[PALP_FREE].slots)];
         palp_contact_spring spring = {.stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *
                                                            (0.2f + 1.0f + dice_float(d))};
         for (uint32_t i = 0; i < 40u; i++) {
-            if (i % 10u == 0u) e->contact.now = dice_below(d, PALP_CONTACT_LEVELS);
+            if (i % 10u == 0u) contact->now = dice_below(d, PALP_CONTACT_LEVELS);
             if (dice_below(d, 12) == 0u)
                 node = blob->ring[blob->ring_offset[node] +
                                   dice_below(d, blob->ring_offset[node + 1u] -
@@ -151,7 +161,7 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
                                      extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
                                      palp_vec3_at(blob->normal + 3u * (size_t)node));
             spring.held_m = palp_madd(at, 0.3f * edge, anywhere(d));
-            one_tick(e, at, spring);
+            cases_of_tick(c, contact, unit, &at, &spring);
         }
     }
     c->used = used;

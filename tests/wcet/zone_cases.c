@@ -1,36 +1,29 @@
 /* SPDX-License-Identifier: MIT */
-/* The seams of a multizone model in changing postures, and contact that follows them. */
+/* A multizone model in changing postures: its seams, and contact that follows them. */
 #include "cases.h"
 
 typedef struct {
+    cases *c;
     palp_zones zones;
     palp_assembly assembly;
-    palp_node_contact contact;
-    palp_tool tool;
-    palp_touch_cost unit[PALP_WORKS];
+    palp_contact contact;
+    palp_tool tool[2];
+    palp_contact_cost *unit; /* at unit prices, on the level of the seams in use */
+    palp_prices *price;
+    palp_moving *moving; /* at unit prices */
 } grip;
 
 typedef float (*seam_bound)(const grip *g, uint32_t unit, uint32_t level);
 
-static const palp_prices *price_of(const grip *g, uint32_t unit) { return &g->unit[unit].price; }
 static float of_factor(const grip *g, uint32_t u, uint32_t level) {
-    return palp_seams_cost_factor(&g->assembly.seams, price_of(g, u), level);
-}
-static float of_solve(const grip *g, uint32_t u, uint32_t level) {
-    return palp_seams_cost_solve(&g->assembly.seams, price_of(g, u), level);
+    return palp_seams_cost_factor(&g->assembly.seams, &g->price[u], level);
 }
 static float of_settle(const grip *g, uint32_t u, uint32_t level) {
-    return palp_assembly_cost_settle(&g->assembly, price_of(g, u), level);
+    return palp_assembly_cost_settle(&g->assembly, &g->price[u], level);
 }
-static float unknowns(const grip *g, uint32_t level) {
-    float n = 0.0f;
-    for (uint32_t s = 0; s < g->zones.meta->seams; s++)
-        n += 3.0f * (float)palp_seam_modes(&g->assembly.seams, s, level);
-    return n;
-}
-static float of_follow(const grip *g, uint32_t u, uint32_t level) {
-    return palp_cost_follow(&g->unit[u], g->contact.count, g->contact.active_count,
-                            unknowns(g, level), of_solve(g, u, level));
+static float of_load(const grip *g, uint32_t u, uint32_t level) {
+    (void)level;
+    return g->moving[u].load_ns;
 }
 
 typedef struct {
@@ -44,13 +37,14 @@ static float answer(const void *context, uint32_t k) {
     return q->bound(q->g, k, q->level);
 }
 
-static void tell(cases *c, const grip *g, const char *name, seam_bound bound, uint32_t level,
+static void tell(const grip *g, const char *name, seam_bound bound, uint32_t level,
                  uint64_t counted) {
     const question q = {g, bound, level};
-    cases_tell(c, name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, answer, &q, counted);
+    cases_tell(g->c, name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, answer, &q, counted);
 }
 
-static void one_posture(cases *c, grip *g, dice *d, palp_fresh *fresh) {
+/* The seams in another posture, on some level. */
+static void one_posture(grip *g, dice *d) {
     palp_assembly *a = &g->assembly;
     const palp_frame rest = PALP_FRAME_IDENTITY;
     float value[PALP_MAX_JOINTS];
@@ -62,54 +56,83 @@ static void one_posture(cases *c, grip *g, dice *d, palp_fresh *fresh) {
     palp_seams_begin(&a->seams, a->posture, level);
     while (palp_seams_step(&a->seams)) {}
     uint64_t after = instructions();
-    tell(c, g, "factor", of_factor, level, after - before);
+    tell(g, "factor", of_factor, level, after - before);
     (void)palp_assembly_take(a, true);
     for (uint32_t j = 0; j < PALP_MAX_JOINTS; j++) value[j] += 0.01f; /* iterations, then */
     palp_assembly_pose(a, value, &rest);
     before = instructions();
     palp_assembly_settle(a);
     after = instructions();
-    tell(c, g, "settle", of_settle, a->level, after - before);
+    tell(g, "settle", of_settle, a->level, after - before);
     before = instructions();
-    palp_node_contact_load(&g->contact, a);
-    palp_node_contact_follow(&g->contact);
+    palp_contact_load(&g->contact);
     after = instructions();
-    tell(c, g, "follow", of_follow, a->level, after - before);
-    uint32_t zone = dice_below(d, g->zones.meta->zones);
-    const palp_blob *b = &g->zones.blob[zone];
-    uint32_t node = b->domain[PALP_FREE].node[dice_below(d, b->domain[PALP_FREE].slots)];
-    palp_vec3 at = palp_madd(palp_assembly_place(a, zone, node), 0.7f * g->tool.ball[0].radius_m,
-                             palp_assembly_normal(a, zone, node));
-    for (uint32_t k = 0; k < 6u; k++) {
-        uint32_t n = palp_node_contact_search(&g->contact, &at, fresh);
-        for (uint32_t i = 0; i < n; i++) palp_node_contact_admit(&g->contact, fresh[i]);
-        (void)palp_node_contact_solve(&g->contact, at, (palp_grip){at, 300.0f});
+    tell(g, "load", of_load, a->level, after - before);
+    for (uint32_t k = 0; k < cases_prices(g->c); k++) {
+        const palp_seams *q = &a->seams;
+        g->unit[k].unknowns = 0.0f;
+        for (uint32_t s = 0; s < g->zones.meta->seams; s++)
+            g->unit[k].unknowns += 3.0f * (float)palp_seam_modes(q, s, a->level);
+        g->unit[k].solve = palp_seams_cost_solve(q, &g->price[k], a->level);
+        g->unit[k].forward = palp_seams_cost_forward(q, &g->price[k], a->level);
     }
 }
 
+/* Tools near some place of the surface, seams not far away. */
+static void press(grip *g, dice *d) {
+    palp_assembly *a = &g->assembly;
+    const uint32_t zone = dice_below(d, g->zones.meta->zones);
+    const palp_blob *b = &g->zones.blob[zone];
+    const uint32_t node = dice_below(d, b->meta->nodes);
+    palp_vec3 at[2];
+    palp_contact_spring spring[2];
+    for (uint32_t t = 0; t < 2u; t++) {
+        const float out = palp_tool_extent(&g->tool[t]) * (0.75f + 0.25f * dice_float(d));
+        at[t] =
+            palp_madd(palp_assembly_place(a, zone, node), out, palp_assembly_normal(a, zone, node));
+        spring[t] = (palp_contact_spring){.held_m = at[t], .stiffness_N_per_m = 300.0f};
+    }
+    for (uint32_t k = 0; k < 3u; k++) cases_of_tick(g->c, &g->contact, g->unit, at, spring);
+}
+
+static bool open(grip *g, uint32_t finest) {
+    cases *c = g->c;
+    const float edge = g->zones.blob[0].meta->mean_edge_m;
+    size_t room = palp_assembly_memsize(&g->zones, finest);
+    if (palp_assembly_init(&g->assembly, &g->zones, finest, cases_take(c, room), room) != PALP_OK)
+        return false;
+    g->tool[0] = palp_tool_sphere(1.5f * edge);
+    g->tool[1] = (palp_tool){.cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
+    room = palp_contact_memsize_zones(&g->assembly, true, 2, PALP_CONTACT_FINEST);
+    if (palp_contact_init_zones(&g->contact, &g->assembly, true, g->tool, 2, PALP_CONTACT_FINEST,
+                                cases_take(c, room), room) != PALP_OK)
+        return false;
+    g->unit = cases_take(c, PALP_WORKS * sizeof *g->unit);
+    g->price = cases_take(c, PALP_WORKS * sizeof *g->price);
+    g->moving = cases_take(c, PALP_WORKS * sizeof *g->moving);
+    for (uint32_t k = 0; k < cases_prices(c); k++) {
+        g->price[k] = cases_price(c, k);
+        g->unit[k] = palp_contact_cost_of_zones(&g->assembly, true, g->tool, 2, &g->price[k]);
+        palp_moving_init(&g->moving[k], &g->contact, &g->price[k], 1e-3f, 0.0f,
+                         palp_contact_cost_level(&g->unit[k], PALP_CONTACT_FINEST).contacts);
+    }
+    return true;
+}
+
 void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uint32_t rounds) {
-    const palp_node_contact_limits limits = {40, 24, 4, 12, false};
     dice d = {seed};
     size_t used = c->used;
     grip *g = cases_take(c, sizeof *g);
-    palp_fresh fresh[PALP_MAX_CANDIDATES];
+    g->c = c;
     if (palp_zones_open(&g->zones, data, bytes) != PALP_OK) return;
     for (uint32_t finest = 0; finest < PALP_SEAM_LEVELS; finest++) {
-        size_t mark = c->used, room = palp_assembly_memsize(&g->zones, finest);
-        if (palp_assembly_init(&g->assembly, &g->zones, finest, cases_take(c, room), room) !=
-            PALP_OK)
-            break;
-        g->tool = palp_tool_sphere(1.5f * g->zones.blob[0].meta->mean_edge_m);
-        for (uint32_t k = 0; k < cases_prices(c); k++) {
-            palp_prices price = cases_price(c, k);
-            g->unit[k] =
-                palp_touch_cost_of_zones(&g->zones, finest, true, limits, &g->tool, 1, &price);
+        size_t mark = c->used;
+        if (!open(g, finest)) break;
+        for (uint32_t i = 0; i < rounds; i++) {
+            if (i % 8u == 0u) g->contact.now = dice_below(&d, PALP_CONTACT_FINEST + 1u);
+            one_posture(g, &d);
+            press(g, &d);
         }
-        room = palp_node_contact_memsize_zones(&g->zones, finest, limits);
-        if (palp_node_contact_init_zones(&g->contact, &g->assembly, true, &g->tool, 1, limits,
-                                         cases_take(c, room), room) != PALP_OK)
-            break;
-        for (uint32_t i = 0; i < rounds; i++) one_posture(c, g, &d, fresh);
         c->used = mark;
     }
     c->used = used;

@@ -13,11 +13,11 @@
  * that is found inside move faster. Vertices are
  * looked for once a tick; families near a tool are held at the finest level (adapt.h).
  */
-#ifndef PALP_TOUCH_IMPOSE_H
-#define PALP_TOUCH_IMPOSE_H
+#ifndef PALP_CONTACT_IMPOSE_H
+#define PALP_CONTACT_IMPOSE_H
 
 #include "core/dyna/adapt.h"
-#include "core/touch/contact.h"
+#include "core/contact/contact.h"
 #include "core/contact/tool.h"
 
 #define PALP_IMPOSE_SPEED 2.0f /* m/s */
@@ -40,12 +40,12 @@ typedef struct {
     uint32_t tool_count, max_spots, count;
     palp_imposed *spot;
     uint8_t *pressed; /* [skin] bit per tool: was inside in this tick or the last */
-    float reach_m[PALP_MAX_TOOLS], size_m[PALP_MAX_TOOLS];
-    palp_vec3 from_m[PALP_MAX_TOOLS], to_m[PALP_MAX_TOOLS];
-    palp_vec3 impulse_Ns[PALP_MAX_TOOLS]; /* on the tools, in this tick */
-    uint32_t looks;                       /* close looks left in this tick */
-    uint32_t inside;                      /* spots that were moved in the last step */
-    uint64_t overflow;                    /* vertices that found no spot, so far */
+    float reach_m[PALP_CONTACT_TOOLS], size_m[PALP_CONTACT_TOOLS];
+    palp_vec3 from_m[PALP_CONTACT_TOOLS], to_m[PALP_CONTACT_TOOLS];
+    palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS]; /* on the tools, in this tick */
+    uint32_t looks;                           /* close looks left in this tick */
+    uint32_t inside;                          /* spots that were moved in the last step */
+    uint64_t overflow;                        /* vertices that found no spot, so far */
 } palp_impose;
 
 size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_spots);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "impose.h"
+#include "core/contact/impose.h"
 #include "core/base/arena.h"
 #include "core/dyna/skin.h"
 
@@ -42,7 +42,7 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
                      .tool_count = tool_count,
                      .max_spots = max_spots};
     palp_arena a = {memory, 0};
-    if (tool_count == 0u || tool_count > PALP_MAX_TOOLS || max_spots == 0u ||
+    if (tool_count == 0u || tool_count > PALP_CONTACT_TOOLS || max_spots == 0u ||
         max_spots > PALP_MAX_NODES)
         return PALP_ERR_ARGUMENT;
     for (uint32_t t = 0; t < tool_count; t++) {
@@ -122,7 +122,7 @@ static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, f
 
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
     palp_impose *p = impose;
-    float path_m[PALP_MAX_TOOLS] = {0.0f};
+    float path_m[PALP_CONTACT_TOOLS] = {0.0f};
     p->count = 0;
     p->looks = PALP_IMPOSE_LOOKS * p->max_spots;
     for (uint32_t t = 0; t < p->tool_count; t++) {
@@ -194,7 +194,7 @@ static void press(palp_impose *p, const palp_imposed *s, palp_vec3 c, palp_vec3 
 void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps) {
     palp_impose *p = impose;
     float share = (float)(s + 1u) / (float)steps, per_tick = 1.0f / p->dyna->config.tick_s;
-    palp_vec3 at[PALP_MAX_TOOLS], v[PALP_MAX_TOOLS];
+    palp_vec3 at[PALP_CONTACT_TOOLS], v[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < p->tool_count; t++) {
         palp_vec3 path = palp_sub(p->to_m[t], p->from_m[t]);
         at[t] = s + 1u == steps ? p->to_m[t] : palp_madd(p->from_m[t], share, path);

@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: MIT */
+/* What meets what: the tools and zones that lie near each other, and where each is seen from the
+ * body that it presses. */
+#include "core/contact/contact_internal.h"
+#include "core/contact/facing.h"
+
+#define BENT 0.1f /* of a zone's diagonal: how far it may be bent */
+
+palp_vec3 palp_contact_outward(const palp_contact *contact, uint32_t body, palp_vec3 v) {
+    const palp_assembly *a = contact->assembly;
+    return a != NULL ? palp_rotate(a->world[body].r, v) : v;
+}
+
+palp_vec3 palp_contact_inward(const palp_contact *contact, uint32_t body, palp_vec3 v) {
+    const palp_assembly *a = contact->assembly;
+    return a != NULL ? palp_rotate_back(a->world[body].r, v) : v;
+}
+
+/* ---- seams ---- */
+
+/* The node of zone `other` that a node of `zone` is bonded to; PALP_NONE. */
+static uint32_t twin_of(const palp_zones *z, uint32_t zone, uint32_t node, uint32_t *other) {
+    for (uint32_t s = 0; s < z->meta->seams; s++) {
+        for (uint32_t side = 0; side < 2u; side++) {
+            if (z->seam[s].zone[side] != zone) continue;
+            for (uint32_t i = 0; i < z->seam[s].nodes; i++) {
+                if (z->seam_node[s][2u * i + side] != node) continue;
+                *other = z->seam[s].zone[1u - side];
+                return z->seam_node[s][2u * i + 1u - side];
+            }
+        }
+    }
+    return PALP_NONE;
+}
+
+/* The outer triangle of a zone that has the edge from p to q; PALP_NONE. */
+static uint32_t triangle_at(const palp_surface *s, uint32_t p, uint32_t q) {
+    const palp_blob *b = s->blob;
+    for (uint32_t t = 0; t < b->meta->triangles; t++) {
+        const uint32_t *v = b->triangle + 3u * (size_t)t;
+        for (uint32_t k = 0; k < 3u; k++) {
+            if (v[k] == p && v[(k + 1u) % 3u] == q && !palp_surface_is_inner(s, t)) return t;
+        }
+    }
+    return PALP_NONE;
+}
+
+/* What lies beyond the edge of an outer triangle that faces corner k, where that is a seam. */
+static uint32_t beyond_edge(const palp_contact *c, uint32_t body, uint32_t t, uint32_t k) {
+    const palp_zones *z = c->assembly->zones;
+    const uint32_t *v = z->blob[body].triangle + 3u * (size_t)t;
+    uint32_t other = 0, same = 0;
+    const uint32_t p = twin_of(z, body, v[(k + 1u) % 3u], &other);
+    const uint32_t q = twin_of(z, body, v[(k + 2u) % 3u], &same);
+    if (p == PALP_NONE || q == PALP_NONE || other != same) return PALP_NONE;
+    const uint32_t found = triangle_at(&c->surface[other], q, p);
+    return found == PALP_NONE ? PALP_NONE : other << 24u | found;
+}
+
+void palp_contact_open_patches(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t k = 0; c->pairs && k < c->bodies * (c->bodies - 1u) / 2u; k++)
+        c->closest[k][0] = c->closest[k][1] = 0;
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        const palp_surface *s = &c->surface[b];
+        for (uint32_t t = 0; t < s->blob->meta->triangles; t++) {
+            const uint32_t *across = s->blob->regular.across + 3u * (size_t)t;
+            const bool inner = palp_surface_is_inner(s, t);
+            for (uint32_t k = 0; k < 3u; k++)
+                c->beyond[b][3u * (size_t)t + k] =
+                    across[k] == t && !inner ? beyond_edge(c, b, t, k) : PALP_NONE;
+        }
+    }
+}
+
+/* ---- patches ---- */
+
+bool palp_contact_near(const palp_contact *contact) {
+    bool any = false;
+    for (uint32_t k = 0; k < contact->patches; k++) any = any || contact->patch[k].used;
+    return any;
+}
+
+uint32_t palp_contact_next(palp_contact *contact) {
+    palp_contact *c = contact;
+    uint32_t next = c->patches;
+    for (uint32_t k = c->patches; k-- > 0u;) {
+        const palp_contact_patch *p = &c->patch[k];
+        if (!p->used || p->filled) continue;
+        const bool presses = p->normal_N > 0.0f || c->assembly == NULL;
+        if (next == c->patches || presses || !(c->patch[next].normal_N > 0.0f)) next = k;
+    }
+    if (next < c->patches) c->patch[next].filled = true;
+    return next;
+}
+
+/* Whether a place is within the box of a zone, or as far from it as that may be bent. */
+static bool is_near(const palp_blob *b, palp_vec3 x) {
+    const palp_meta *m = b->meta;
+    const float at[3] = {x.x, x.y, x.z};
+    const float reach =
+        BENT * palp_norm(palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m)));
+    for (uint32_t k = 0; k < 3u; k++) {
+        if (!(at[k] > m->box_min_m[k] - reach && at[k] < m->box_max_m[k] + reach)) return false;
+    }
+    return true;
+}
+
+static palp_contact_patch *find(palp_contact *c, uint32_t body, uint32_t other) {
+    for (uint32_t k = c->tool_count; k < c->patches; k++) {
+        palp_contact_patch *p = &c->patch[k];
+        if (p->used && p->body == body && p->other == other) return p;
+    }
+    return NULL;
+}
+
+/* A patch that is not in use, as new; NULL if there is none. */
+static palp_contact_patch *take(palp_contact *c, uint32_t body, uint32_t other) {
+    for (uint32_t k = c->tool_count; k < c->patches; k++) {
+        palp_contact_patch *p = &c->patch[k];
+        if (p->used) continue;
+        palp_lattice_table *table = p->table, *before = p->table_before;
+        *p = (palp_contact_patch){.used = true,
+                                  .body = body,
+                                  .tool = PALP_CONTACT_TOOLS,
+                                  .other = other,
+                                  .table = table,
+                                  .table_before = before};
+        palp_lattice_clear(table);
+        palp_lattice_clear(before);
+        return p;
+    }
+    c->flags |= PALP_CONTACT_FULL;
+    return NULL;
+}
+
+/* ---- zones before zones ---- */
+
+#define OPPOSED -0.3f /* cosine between normals that face each other */
+#define BEFORE 0.3f   /* edges before two zones meet, from which a lattice is ready */
+#define DEEPEST 3.0f  /* edges: what lies deeper is not in contact but on the far side */
+
+/* The node of `b` nearest to x among the cells around it; PALP_NONE if there is none. */
+static uint32_t nearest_node(palp_contact *c, const palp_blob *b, palp_vec3 x) {
+    const palp_meta *m = b->meta;
+    const float at[3] = {x.x, x.y, x.z};
+    uint32_t low[3], high[3], nearest = PALP_NONE;
+    float least = 1e30f;
+    for (uint32_t k = 0; k < 3u; k++) {
+        const float cell = (at[k] - m->cell_origin_m[k]) / m->cell_size_m;
+        const float last = (float)(m->cells[k] - 1u);
+        low[k] = (uint32_t)palp_clamp(cell - 1.0f, 0.0f, last);
+        high[k] = (uint32_t)palp_clamp(cell + 1.0f, 0.0f, last);
+    }
+    for (uint32_t z = low[2]; z <= high[2]; z++) {
+        for (uint32_t y = low[1]; y <= high[1]; y++) {
+            const uint32_t row = (z * m->cells[1] + y) * m->cells[0];
+            const uint32_t end = b->cell_offset[row + high[0] + 1u];
+            for (uint32_t k = b->cell_offset[row + low[0]]; k < end; k++) {
+                palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)b->cell_node[k]), x);
+                c->filled.around++;
+                if (palp_dot(d, d) >= least) continue;
+                least = palp_dot(d, d);
+                nearest = b->cell_node[k];
+            }
+        }
+    }
+    return nearest;
+}
+
+/* A place on one zone and the zone that may lie before it. */
+typedef struct {
+    uint32_t body, node, other, before; /* the node of the other one that is nearest */
+    palp_vec3 bent_m;                   /* of the one against the other */
+} encounter;
+
+/* Whether a node lies in another zone, just below its surface, or is about to. */
+static bool lies_in(palp_contact *c, encounter *e) {
+    const palp_surface *s = &c->surface[e->body], *other = &c->surface[e->other];
+    const palp_frame *here = &c->frame[e->body], *there = &c->frame[e->other];
+    const palp_vec3 rest = palp_vec3_at(s->blob->rest_m + 3u * (size_t)e->node);
+    const palp_vec3 n = palp_rotate(here->r, palp_vec3_at(s->blob->normal + 3u * (size_t)e->node));
+    const palp_vec3 bent = palp_rotate(here->r, palp_surface_bent(s, e->node));
+    const palp_vec3 x = palp_carry(here, rest);
+    const palp_vec3 in_other = palp_carry_back(there, palp_add(x, bent));
+    if (!is_near(other->blob, in_other)) return false;
+    const uint32_t nearest = nearest_node(c, other->blob, in_other);
+    if (nearest == PALP_NONE || palp_node_is_fixed(other->blob, nearest)) return false;
+    const palp_vec3 m =
+        palp_rotate(there->r, palp_vec3_at(other->blob->normal + 3u * (size_t)nearest));
+    if (palp_dot(n, m) > OPPOSED) return false;
+    e->bent_m = palp_sub(bent, palp_rotate(there->r, palp_surface_bent(other, nearest)));
+    uint32_t crossings = PALP_SURFACE_CROSSINGS;
+    const uint32_t triangle = other->blob->regular.triangle[nearest];
+    uint32_t hint[2] = {triangle, triangle};
+    e->before = nearest;
+    palp_gap gap = palp_facing_gap(other, there, palp_add(x, e->bent_m), palp_scale(-1.0f, n),
+                                   &crossings, hint);
+    c->filled.shots++;
+    c->filled.crossings += PALP_SURFACE_CROSSINGS - crossings;
+    c->filled.bent += 2u;
+    const float edge = s->blob->meta->mean_edge_m;
+    return gap.gap_m < BEFORE * edge && gap.gap_m > -DEEPEST * edge;
+}
+
+/* Begins a patch there, or shows the place to the one that there is. */
+static void begin_pair(palp_contact *c, const encounter *e) {
+    const palp_surface *s = &c->surface[e->body];
+    const palp_frame *here = &c->frame[e->body];
+    const palp_surface_point at = palp_lattice_at_node(s, e->body, e->node);
+    palp_contact_patch *p = find(c, e->body, e->other);
+    if (p == NULL && find(c, e->other, e->body) != NULL) return;
+    if (p != NULL) {
+        if (p->lattice.seeds < PALP_LATTICE_SEEDS) p->lattice.seed[p->lattice.seeds++] = at;
+        return;
+    }
+    p = take(c, e->body, e->other);
+    if (p == NULL) return;
+    const float edge = s->blob->meta->mean_edge_m;
+    p->tool_m = palp_carry(here, at.y);
+    p->bent = (palp_given){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
+    p->before = e->before;
+    palp_lattice_look_at(&p->lattice, palp_rotate(here->r, palp_scale(-1.0f, at.n)), e->bent_m);
+}
+
+static palp_vec3 node_at(const palp_contact *c, uint32_t body, uint32_t node) {
+    return palp_carry(&c->frame[body],
+                      palp_vec3_at(c->surface[body].blob->rest_m + 3u * (size_t)node));
+}
+
+/* The node, or a neighbour of it, that is nearest to x; bones and seams are passed over. */
+static uint32_t step_towards(palp_contact *c, uint32_t body, uint32_t node, palp_vec3 x) {
+    const palp_blob *b = c->surface[body].blob;
+    uint32_t best = node;
+    palp_vec3 d = palp_sub(node_at(c, body, node), x);
+    float least = palp_node_is_fixed(b, node) ? 1e30f : palp_dot(d, d);
+    for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
+        d = palp_sub(node_at(c, body, b->ring[k]), x);
+        c->filled.around += 2u;
+        if (palp_dot(d, d) >= least || palp_node_is_fixed(b, b->ring[k])) continue;
+        least = palp_dot(d, d);
+        best = b->ring[k];
+    }
+    return best;
+}
+
+/* Follows the nearest nodes of the next pairs of zones in turn. */
+static void follow_closest(palp_contact *c) {
+    const uint32_t pairs = c->bodies * (c->bodies - 1u) / 2u;
+    uint32_t n = PALP_CONTACT_FOLLOWED < pairs ? PALP_CONTACT_FOLLOWED : pairs;
+    for (; n > 0u; n--) {
+        c->pair_scan = c->pair_scan + 1u < pairs ? c->pair_scan + 1u : 0u;
+        uint32_t a = 1, first = 0;
+        while (first + a <= c->pair_scan) first += a++; /* at most zones */
+        const uint32_t b = c->pair_scan - first;
+        uint32_t *node = c->closest[c->pair_scan];
+        node[0] = step_towards(c, a, node[0], node_at(c, b, node[1]));
+        node[1] = step_towards(c, b, node[1], node_at(c, a, node[0]));
+        for (uint32_t k = 0; k < 2u; k++) {
+            encounter e = {.body = k == 0u ? a : b, .node = node[k], .other = k == 0u ? b : a};
+            if (lies_in(c, &e)) {
+                begin_pair(c, &e);
+                break;
+            }
+        }
+    }
+}
+
+/* Compares the next nodes in turn with the other zones. */
+static void meet_zones(palp_contact *c) {
+    const palp_zones *z = c->assembly->zones;
+    for (uint32_t k = c->tool_count; k < c->patches; k++) {
+        palp_contact_patch *p = &c->patch[k];
+        p->used = p->used && (p->lattice.placed || p->normal_N > 0.0f);
+        if (!p->used) continue;
+        const palp_vec3 there = palp_add(p->tool_m, p->lattice.at.origin_m);
+        p->before = step_towards(c, p->other, p->before, there);
+    }
+    follow_closest(c);
+    uint32_t body = 0;
+    for (uint32_t k = 0; k < PALP_CONTACT_SCAN; k++) {
+        c->scan = c->scan + 1u < z->nodes ? c->scan + 1u : 0u;
+        while (body > 0u && c->scan < z->part[body].first_node) body--; /* at most zones in all */
+        /* at most zones */
+        while (body + 1u < c->bodies && c->scan >= z->part[body + 1u].first_node) body++;
+        const uint32_t node = c->scan - z->part[body].first_node;
+        if (palp_node_is_fixed(c->surface[body].blob, node)) continue;
+        for (uint32_t other = 0; other < c->bodies; other++) {
+            encounter e = {.body = body, .node = node, .other = other};
+            if (other != body && lies_in(c, &e)) begin_pair(c, &e);
+        }
+    }
+}
+
+/* ---- a tick ---- */
+
+void palp_contact_place(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t k = 0; k < c->patches; k++) c->patch[k].filled = false;
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        palp_contact_patch *p = &c->patch[t];
+        p->used = true;
+        p->tool = t;
+        p->tool_m = c->tool_m[t];
+        p->held_m = c->spring[t].held_m;
+    }
+    if (c->pairs) meet_zones(c);
+}
+
+palp_vec3 palp_contact_carried(const palp_contact *contact, uint32_t tool) {
+    const palp_contact *c = contact;
+    const palp_contact_point *point = c->solved ? c->point : c->before;
+    const uint32_t points = c->solved ? c->count : c->count_before;
+    palp_vec3 sum = {0};
+    if (c->frame == NULL || !(c->normal_N[tool] > 0.0f)) return sum;
+    for (uint32_t i = 0; i < points; i++) {
+        const palp_contact_point *p = &point[i];
+        if (p->patch != tool || !(p->force_N > 0.0f)) continue;
+        palp_vec3 local = palp_carry_back(&c->frame_before[p->at.body], c->rest_m[tool]);
+        palp_vec3 now = palp_carry(&c->frame[p->at.body], local);
+        sum = palp_madd(sum, p->force_N / c->normal_N[tool], palp_sub(now, c->rest_m[tool]));
+    }
+    return sum;
+}
