@@ -33,16 +33,19 @@ static uint32_t nodes_of(const palp_contact *c) {
 }
 
 static palp_vec3 place_of(const palp_contact *c, uint32_t node, palp_vec3 *normal) {
-    uint32_t body = 0;
+    if (c->assembly == NULL) {
+        const palp_blob *b = c->surface[0].blob;
+        *normal = palp_vec3_at(b->normal + 3u * (size_t)node);
+        return palp_vec3_at(b->rest_m + 3u * (size_t)node);
+    }
+    const palp_zones *z = c->assembly->zones;
+    uint32_t zone = 0;
     /* at most zones */
-    while (body + 1u < c->bodies && node >= c->assembly->zones->part[body + 1u].first_node) body++;
-    const palp_blob *b = c->surface[body].blob;
-    const size_t at =
-        3u * (size_t)(body > 0u ? node - c->assembly->zones->part[body].first_node : node);
-    *normal = palp_vec3_at(b->normal + at);
-    if (c->assembly == NULL) return palp_vec3_at(b->rest_m + at);
-    *normal = palp_rotate(c->assembly->world[body].r, *normal);
-    return palp_carry(&c->assembly->world[body], palp_vec3_at(b->rest_m + at));
+    while (zone + 1u < c->bodies && node >= z->part[zone + 1u].first_node) zone++;
+    const palp_frame *frame = &c->assembly->world[zone];
+    const size_t at = 3u * (size_t)(node - z->part[zone].first_node);
+    *normal = palp_rotate(frame->r, palp_vec3_at(z->blob[zone].normal + at));
+    return palp_carry(frame, palp_vec3_at(z->blob[zone].rest_m + at));
 }
 
 /* Looks on for the node nearest to where a tool was found; true when all have been looked at. */
