@@ -132,6 +132,13 @@ static palp_vec3 vec(const double x[3]) {
 
 static void open_player(player *p) {
     const play_spec *s = p->spec;
+    for (uint32_t i = 0; i < p->z->meta->zones; i++) {
+        if (p->z->blob[i].meta->modes == 0)
+            die(EXIT_WORK,
+                "%s: zone '%s' has no regular part, which contact needs: bake it again, without "
+                "--modes 0",
+                s->blob, p->z->zone[i].name);
+    }
     size_t bytes = palp_assembly_memsize(p->z, s->finest);
     p->a = allocate(1, sizeof *p->a);
     p->b = allocate(1, sizeof *p->b);

@@ -10,6 +10,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #define ZONE_MODES 32u               /* of the regular part, for each zone beyond the first */
 #define LIFT (1.01 * DEFINITE_FLOOR) /* of the diagonal, so that rigid motions pass as definite */
@@ -466,7 +467,26 @@ static void pack_zone(zone_bakery *b, uint32_t i, const rest_surface *surface,
     free(normal);
 }
 
+/* The Green's functions of all zones, and the compliance of the model's surface, are dense. */
+static void require_memory(const zone_bakery *b) {
+    double all = 0, zones = 0, have;
+    for (uint32_t i = 0; i < b->z->zones; i++) {
+        const double n = b->zone[i].m.vertices;
+        all += n;
+        zones += 72 * n * n;
+    }
+    const double need = 1.05 * (zones + 72 * all * all);
+    have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+    if (need <= have) return;
+    die(EXIT_WORK,
+        "%s: the zones have %.0f vertices together: what contact needs of them takes %.1f GB of "
+        "memory, this machine has %.1f GB: use coarser meshes, or --modes 0 for a model that is "
+        "not touched",
+        b->path, all, need * 1e-9, have * 1e-9);
+}
+
 static void bake_zones(zone_bakery *b, const build_options *options) {
+    if (options->modes > 0) require_memory(b);
     for (uint32_t i = 0; i < b->z->zones; i++) {
         fprintf(stderr, "zone '%s' (%" PRIu32 " of %" PRIu32 ")\n", b->z->zone[i].name, i + 1,
                 b->z->zones);
