@@ -27,8 +27,14 @@ void palp_contact_bond(palp_contact *contact) {
     const palp_seam_factor *f = palp_seams_factor(q);
     const size_t n = 3u * (size_t)q->modes, stride = c->side_room;
     float *rest = c->seam + n * stride;
-    for (size_t i = 0; i < 2u * n; i++) clear(c->seam + i * stride, c->sides);
     uint64_t touched = 0, own = 0;
+    for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
+        const size_t first = 3u * (size_t)q->first_mode[s];
+        for (size_t i = first; i < first + 3u * palp_seam_modes(q, s, f->level); i++) {
+            clear(c->seam + i * stride, c->sides);
+            clear(rest + i * stride, c->sides);
+        }
+    }
     for (uint32_t s = 0; s < c->sides; s++) {
         const uint32_t zone = palp_contact_body(c, s);
         const palp_zone_part *part = &a->zones->part[zone];

@@ -497,7 +497,7 @@ int main(void) {
     run_budget(&chain, 950, 4, 0);
     run_budget(&chain, 700, 4, 0);
     run_budget(&chain, 600, 3, 0);
-    run_budget(&chain, 800, 4, 400);
+    run_budget(&chain, 800, 4, 250);
     run_budget(&chain, 100, 4, 0);
     return tap_done();
 }
