@@ -217,7 +217,7 @@ palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assemb
                                     const palp_tool *tools, uint32_t tool_count, uint32_t finest,
                                     void *memory, size_t bytes);
 
-/* Whether anything is near enough to be touched. */
+/* Whether anything was touched in the last tick, or near enough to be. */
 bool palp_contact_near(const palp_contact *contact);
 
 /* Tells the assembly the forces of the last tick. */

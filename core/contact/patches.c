@@ -76,8 +76,11 @@ void palp_contact_open_patches(palp_contact *contact) {
 /* ---- patches ---- */
 
 bool palp_contact_near(const palp_contact *contact) {
-    bool any = false;
-    for (uint32_t k = 0; k < contact->patches; k++) any = any || contact->patch[k].used;
+    bool any = contact->filled.bent > 0u; /* a tool looked at nodes of a zone */
+    for (uint32_t k = 0; k < contact->patches; k++) {
+        const palp_contact_patch *p = &contact->patch[k];
+        any = any || (p->used && (p->lattice.placed || p->normal_N > 0.0f));
+    }
     return any;
 }
 
