@@ -31,7 +31,6 @@ typedef struct {
     rest_zone zone[PALP_MAX_ZONES];
     const seam_list *seam;
     const palp_seam_entry *entry;
-    double *const *mode; /* [seams] of seam_modes */
 } rest_model;
 
 /* The model's surface at rest. */

@@ -100,7 +100,7 @@ static bool find_node(const void *context, const char *word, uint32_t *node) {
 
 /* One scalar condition: the displacement of a free slot along a direction, in its zone's frame. */
 typedef struct {
-    uint32_t zone, node, slot;
+    uint32_t zone, node;
     palp_vec3 direction;
     double target;
 } scalar_condition;
@@ -152,7 +152,7 @@ static void take_condition(problem *p, const condition_line *c) {
             p->spec->set, c->line, node, p->z->zone[zone].name);
     palp_vec3 value = palp_rotate_back(turn, c->value);
     float *load = p->load[zone] + 3 * (size_t)node;
-    scalar_condition s = {.zone = zone, .node = node, .slot = palp_node_slot(b, node)};
+    scalar_condition s = {.zone = zone, .node = node};
     switch (c->condition) {
     case PALP_GIVE_DISPLACEMENT:
         for (uint32_t k = 0; k < 3; k++) {

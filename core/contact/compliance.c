@@ -125,8 +125,8 @@ static uint32_t gather_body(palp_contact *c, uint32_t body, uint32_t at) {
     const uint32_t first = at;
     for (uint32_t r = 0; r < c->runs; r++) {
         for (uint32_t s = c->run[r].first; s < c->run[r].end && c->run[r].body == body; s++) {
-            if (!c->point[c->side_point[s]].active) continue;
             const float f = force_of(c, s);
+            if (!(f > 0.0f)) continue;
             for (uint32_t k = 0; k < 11u; k++)
                 c->pressed[k][at] = c->column[k][s] * (k >= IN_F && k < IN_CELL ? f : 1.0f);
             c->pressed_side[at++] = (uint16_t)s;
@@ -150,10 +150,13 @@ void palp_contact_gather(palp_contact *contact) {
     for (uint32_t m = 0; m < c->level.modes; m++) {
         const float *v = c->mode + (size_t)m * c->side_room;
         float sum = 0.0f;
-        for (uint32_t s = 0; s < c->sides; s++) sum += v[s] * force_of(c, s);
+        for (uint32_t k = 0; k < at; k++) {
+            const uint32_t s = c->pressed_side[k];
+            if (s != NO_SIDE) sum += v[s] * force_of(c, s);
+        }
         c->load[m] = c->surface[0].blob->regular.value[m] * sum;
     }
-    c->work_done += (uint64_t)c->level.modes * c->sides + 20u * at;
+    c->work_done += ((uint64_t)c->level.modes + 20u) * at;
 }
 
 void palp_contact_displace_corners(palp_contact *contact) {

@@ -88,6 +88,7 @@ static void lay_out(palp_contact *c, palp_arena *arena) {
     c->node_bent_m = palp_take(arena, 3u * sides, sizeof *c->node_bent_m);
     c->node_slot = palp_take(arena, PALP_CONTACT_NODE_SLOTS, sizeof *c->node_slot);
     c->corner = palp_take(arena, sides, sizeof *c->corner);
+    c->run = palp_take(arena, sides, sizeof *c->run); /* no more than there are sides */
     for (uint32_t k = 0; k < 11u; k++) c->column[k] = palp_take(arena, sides, sizeof(float));
     for (uint32_t k = 0; k < 11u; k++) c->pressed[k] = palp_take(arena, padded, sizeof(float));
     c->pressed_side = palp_take(arena, padded, sizeof(uint16_t));
@@ -254,7 +255,12 @@ static const palp_contact_point *last_of(const palp_contact *c, const palp_conta
         uint32_t at = palp_lattice_find(patch->table_before, (int16_t)(i + step[k][0]),
                                         (int16_t)(j + step[k][1]));
         *same = k == 0u && !changed;
-        if (at < c->count_before) return &c->before[at];
+        if (at >= c->count_before) continue;
+        const palp_contact_point *q = &c->before[at];
+        /* the table of a patch that was left out is an older one */
+        if (q->patch == p->patch && q->i == (int16_t)(i + step[k][0]) &&
+            q->j == (int16_t)(j + step[k][1]))
+            return q;
     }
     return NULL;
 }
@@ -325,11 +331,11 @@ static void swap_ticks(palp_contact *c) {
 /* The sides of one body that come one behind the other. */
 static void add_to_run(palp_contact *c, uint32_t body, uint32_t side) {
     palp_contact_run *last = c->runs > 0u ? &c->run[c->runs - 1u] : NULL;
-    if (last != NULL && last->body == body && last->end == side) {
+    const bool other = side == c->count; /* those of points end here */
+    if (last != NULL && last->body == body && last->end == side && !other) {
         last->end = side + 1u;
         return;
     }
-    if (c->runs == PALP_CONTACT_RUNS) return; /* as many as there are sides */
     c->run[c->runs++] = (palp_contact_run){body, side, side + 1u};
 }
 
@@ -359,7 +365,7 @@ static void meet(palp_contact *c, uint32_t i) {
     palp_contact_patch *patch = &c->patch[p->patch];
     palp_contact_facing *z = &c->facing[i];
     const palp_given *given = &patch->lattice.used.given;
-    uint32_t crossings = 2u * PALP_SURFACE_CROSSINGS;
+    uint32_t crossings = PALP_SURFACE_CROSSINGS;
     uint32_t hint[2] = {patch->lattice.facing, facing_of(c, patch)};
     float gone;
     palp_vec3 beside = palp_given_beside(given, p->y, &gone);
@@ -372,8 +378,13 @@ static void meet(palp_contact *c, uint32_t i) {
     p->out = palp_scale(1.0f / palp_max(palp_norm(m), 1e-6f), m);
     z->m = palp_scale(-1.0f, palp_contact_inward(c, patch->other, p->out));
     if (z->found) return;
+    const palp_frame *there = &c->frame[patch->other];
+    z->at.y = z->at.q = palp_carry_back(there, x);
+    z->at.n = palp_scale(-1.0f, z->m);
+    for (uint32_t k = 0; k < 3u; k++) z->at.weight[k] = 0.0f;
     p->left_out = true;
     p->active = false;
+    c->flags |= PALP_CONTACT_LOST;
 }
 
 /* The tool as a point sees it, about its last displacement. */
@@ -427,16 +438,22 @@ static void add_other_side(palp_contact *c, uint32_t i) {
     c->target[i] += palp_dot(c->point[i].out, there);
 }
 
+float palp_contact_energy(const palp_contact *contact, float normal_N) {
+    const palp_contact *c = contact;
+    float all = 0.0f;
+    for (uint32_t k = 0; k < c->patches; k++) all += c->patch[k].normal_N;
+    return normal_N > 0.0f ? c->energy_J * normal_N / all : 0.0f;
+}
+
 /* What the body as a whole gives way grows with the force, and the force with the depth as in
  * Hertz' law: by 3/2 F dx / (work F dx is done against), from where the tool came to rest. */
 static float foreseen_share(const palp_contact *c, const palp_contact_patch *patch) {
-    float all = 0.0f;
-    for (uint32_t k = 0; k < c->patches; k++) all += c->patch[k].normal_N;
-    if (!(c->energy_J > 0.0f) || !(patch->normal_N > 0.0f)) return 0.0f;
+    const float energy = palp_contact_energy(c, patch->normal_N);
+    if (!(energy > 0.0f)) return 0.0f;
+    if (patch->tool == PALP_CONTACT_TOOLS) return 1.0f; /* where zones meet goes with them */
     palp_vec3 moved = palp_sub(patch->tool_m, patch->rest_m);
-    palp_vec3 force = patch->push_N;
-    if (patch->tool < c->tool_count) force = palp_add(force, c->beyond_N[patch->tool]);
-    float energy = c->energy_J * patch->normal_N / all;
+    moved = palp_sub(moved, palp_contact_carried(c, patch->tool));
+    palp_vec3 force = palp_add(patch->push_N, c->beyond_N[patch->tool]);
     return palp_clamp(1.0f - 0.6f * palp_dot(force, moved) / energy, LEAST_SHARE, MOST_SHARE);
 }
 
@@ -453,7 +470,8 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.002f * c->crowd, 1.0f);
     c->flags = c->row = c->iterations = c->most_active = c->active_count = 0;
     c->filled = (palp_lattice_counts){.fillings = 0};
-    c->filling = c->fillings = c->first = c->runs = 0;
+    c->filling = c->fillings = c->first = c->runs = c->sides = 0;
+    c->approached = false;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->tool_m[t] = tool_m[t];
         c->spring[t] = spring[t];
@@ -581,6 +599,7 @@ bool palp_contact_fill(palp_contact *contact) {
     c->done = (palp_lattice_counts){.fillings = 0};
     uint32_t flags = palp_lattice_fill(&patch->lattice, &room, c->first);
     c->filled = sum_of(c->filled, c->done);
+    c->approached = c->approached || (!pair && c->done.bent > 0u);
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
                     72u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
                     45u * (uint64_t)c->done.crossings +
@@ -596,6 +615,7 @@ bool palp_contact_fill(palp_contact *contact) {
     }
     if (!again) {
         if ((flags & PALP_LATTICE_FULL) != 0u) c->flags |= PALP_CONTACT_FULL;
+        if ((flags & PALP_LATTICE_LOST) != 0u) c->flags |= PALP_CONTACT_LOST;
         next_patch(c);
     }
     return c->filling < c->patches;

@@ -57,7 +57,6 @@
 #define PALP_CONTACT_PATCHES (PALP_CONTACT_TOOLS + PALP_CONTACT_PAIRS)
 #define PALP_CONTACT_BEYOND 0.03f
 #define PALP_CONTACT_MAX_POINTS 122u                     /* of the finest level there is */
-#define PALP_CONTACT_RUNS (2u * PALP_CONTACT_MAX_POINTS) /* of sides on one body */
 #define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
 #define PALP_CONTACT_ROWS 8u        /* of g that one call assembles */
 #define PALP_CONTACT_PAIR_REACH                                                                    \
@@ -85,13 +84,15 @@ typedef struct {
 } palp_contact_level;
 #define PALP_CONTACT_LEVELS PALP_LEVEL_ERRORS
 #define PALP_CONTACT_FINEST 3u        /* by default */
-#define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 PALP_CONTACT_MAX_POINTS */
+#define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 x 1.5 PALP_CONTACT_MAX_POINTS */
 
 #define PALP_CONTACT_FULL                                                                          \
     1u                        /* more points were wanted than the level has room for, in all or    \
                                  in contact; the lattice grows wider until they fit */
 #define PALP_CONTACT_SPENT 2u /* the active set was not settled after all its iterations */
 #define PALP_CONTACT_REDUNDANT 4u /* a point was left out because its pivot vanished */
+#define PALP_CONTACT_LOST                                                                          \
+    8u /* a point was left out because nothing lies before it, or the way there was too long */
 
 /* A tool on its spring; stiffness 0: it stays at held_m. */
 typedef struct {
@@ -105,7 +106,8 @@ typedef struct {
     uint32_t tool;            /* PALP_CONTACT_TOOLS: not a tool, */
     uint32_t body, other;     /* but these two zones; points lie on the first */
     uint32_t before;          /* node of the other one near where they meet */
-    palp_vec3 tool_m, held_m; /* of two zones: where they were found to meet */
+    palp_vec3 tool_m, held_m; /* of two zones: where they were found to meet, */
+    palp_vec3 met_m;          /* and that in the frame of the first */
     palp_vec3 rest_m;         /* where the tool came to rest in the last tick */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
@@ -149,6 +151,7 @@ typedef struct {
     uint32_t count;                              /* contact points */
     uint32_t count_before;
     bool solved; /* the last tick was finished */
+    bool approached; /* a tool looked at nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */
     palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
@@ -162,7 +165,7 @@ typedef struct {
     uint32_t sides, side_room; /* the points, then the other sides of those between zones */
     uint16_t *side_point;      /* [side_room] */
     uint16_t *other_side;      /* [room] of a point between zones; 0: it has none */
-    palp_contact_run run[PALP_CONTACT_RUNS];
+    palp_contact_run *run;     /* [side_room] */
     uint32_t runs;
     uint32_t *node, *node_body; /* [3 side_room] corners of the sides' triangles, each once */
     palp_vec3 *node_u_m;        /* [3 side_room] what modes and seams displace them by */
@@ -223,7 +226,11 @@ bool palp_contact_near(const palp_contact *contact);
 /* Tells the assembly the forces of the last tick. */
 void palp_contact_load(palp_contact *contact);
 
-/* How far the bodies that a tool presses have carried it since the last tick (m). */
+/* What of the elastic energy is due to a tool or pair with this sum of lambda: its share of all. */
+float palp_contact_energy(const palp_contact *contact, float normal_N);
+
+/* How far the bodies that a tool presses have carried it since the last tick that was finished (m).
+ */
 palp_vec3 palp_contact_carried(const palp_contact *contact, uint32_t tool);
 
 /* Forgets all contacts. */

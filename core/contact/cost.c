@@ -3,6 +3,7 @@
 
 #define SPLIT 1.4f /* of points and rows of g that lie on several zones, over those on a body */
 #define PAIRS 0.5f /* share of the points that may lie between zones */
+#define LANES 7.0f /* sides that one more body's are filled up by at most */
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
@@ -76,13 +77,17 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     const palp_zones *z = assembly->zones;
     palp_contact_cost c = {.price = *price, .tools = (float)tool_count};
     palp_contact_presser *pair = &c.presser[PALP_CONTACT_TOOLS];
-    float modes = 0.0f;
+    float modes = 0.0f, reach[PALP_CONTACT_TOOLS] = {0};
+    for (uint32_t i = 0; i < z->meta->zones; i++) {
+        for (uint32_t t = 0; t < tool_count; t++)
+            reach[t] = palp_max(reach[t], palp_lattice_reach(&tools[t], &z->blob[i]));
+    }
     for (uint32_t i = 0; i < z->meta->zones; i++) {
         const palp_blob *b = &z->blob[i];
         uint32_t met[3];
         palp_contact_presser one = {.evaluation = 0.0f};
         for (uint32_t t = 0; t < tool_count; t++)
-            around(b, palp_lattice_reach(&tools[t], b), &c.presser[t]);
+            around(b, reach[t], &c.presser[t]);
         around(b, PALP_CONTACT_PAIR_REACH * b->meta->mean_edge_m, &one);
         if (one.nodes > pair->nodes) *pair = one;
         for (uint32_t k = 0; k < 3u; k++) met[k] = b->meta->cells[k] < 3u ? b->meta->cells[k] : 3u;
@@ -119,9 +124,11 @@ float palp_contact_cost_place(const palp_contact_cost *cost) {
                        cost->cells * PRICE(cost, AROUND);
     const float others = palp_max(cost->zones - 1.0f, 0.0f);
     const float followed = palp_min(0.5f * cost->zones * others, (float)PALP_CONTACT_FOLLOWED);
+    const float used = cost->patches - cost->tools; /* pairs at a time */
     return cost->zones * cost->tools * PRICE(cost, SOUGHT) +
            cost->pairs * ((float)PALP_CONTACT_SCAN * others * look +
-                          followed * 2.0f * (look + 2.0f * cost->ring * PRICE(cost, AROUND)));
+                          followed * 2.0f * (look + 2.0f * cost->ring * PRICE(cost, AROUND)) +
+                          used * 2.0f * (cost->ring * PRICE(cost, AROUND) + PRICE(cost, FILLING)));
 }
 
 static float filled(const palp_contact_cost *cost, palp_lattice_counts done, float evaluation) {
@@ -134,7 +141,9 @@ static float filled(const palp_contact_cost *cost, palp_lattice_counts done, flo
         (float)done.bent * cost->bent +
         (float)done.fillings * PALP_LATTICE_WATCHED *
             (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE) + cost->bent);
-    return cost->zones > 0.0f ? sum + turned * PRICE(cost, TURN) : sum;
+    if (!(cost->zones > 0.0f)) return sum;
+    return sum + turned * PRICE(cost, TURN) +
+           (float)done.fillings * cost->zones * PRICE(cost, SOUGHT);
 }
 
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done) {
@@ -193,7 +202,7 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
     sum = SPLIT * (sum + (float)count * bond);
     if (cost->pairs > 0.0f)
         sum += PAIRS * (float)count *
-               (bond + side + PRICE(cost, SHOT) +
+               (bond + side + 2.0f * PRICE(cost, SHOT) +
                 (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
     return sum;
 }
@@ -223,8 +232,10 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active) {
-    const float sides = 1.0f + PAIRS * cost->pairs, n = sides * (float)count,
-                a = sides * (float)active;
+    const float sides = 1.0f + PAIRS * cost->pairs, n = sides * (float)count;
+    /* each body's sides in contact fill whole lanes */
+    const float a = sides * (float)active +
+                    palp_max(palp_min(cost->zones, sides * (float)active) - 1.0f, 0.0f) * LANES;
     const float modes = (float)level.modes;
     float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
     if (cost->zones > 0.0f)

@@ -47,7 +47,8 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
 
 /* palp_contact_begin on a multizone model: zones tools SOUGHT, and where zones touch each other
  * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs followed) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
- * CROSSING + cells AROUND) + 4 pairs followed ring AROUND. */
+ * CROSSING + cells AROUND) + 4 pairs followed ring AROUND + 2 pairs in contact (ring AROUND +
+ * FILLING). */
 float palp_contact_cost_place(const palp_contact_cost *cost);
 
 /* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + GIVEN) + shots
@@ -66,14 +67,16 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
                                 uint32_t tool);
 
 /*
- * Of a multizone model, with BENT = PLACE + M PLACE_MODE, M modes of a zone's seams, FELT the same
- * of the level in use, and as many sides as points, or half as many again where zones touch each
- * other, there are on top
+ * Of a multizone model, BENT is PLACE + M PLACE_MODE with M modes of a zone's seams, FELT the same
+ * of the level of the seams in use, or BENT where that is less. There are half as many sides again
+ * as points where zones touch each other, else as many. On top of what follows:
  *
- *   points     1.4 times as much, and a side: 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN;
- * of two SHOT + CROSSINGS CROSSING fill       1.75 times as much: places are turned assemble   1.4
- * times as much, and a pair of sides: 2 unknowns MODE_PAIR finish     zones (solve + 4 unknowns
- * SEAM_MODE) + 6 sides in contact FELT + corners FELT
+ *   points     all of it 1.4 times; a side 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN; one
+ *              between zones 2 SHOT + PALP_SURFACE_CROSSINGS CROSSING besides
+ *   fill       zones SOUGHT, and a TURN for each place that is turned from one frame to another
+ *   assemble   all of it 1.4 times; a pair of sides 2 unknowns MODE_PAIR
+ *   finish     zones (solve + 4 unknowns SEAM_MODE); 6 FELT for a side in contact, 3 FELT for any;
+ *              up to 7 sides in contact more for each body but the first: they fill whole lanes
  */
 
 /* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) */

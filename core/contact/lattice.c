@@ -19,6 +19,8 @@
 #define FACING 0.15f   /* cosine between shot and surface below which no point is taken */
 #define FADE 0.15f     /* above FACING, in which cells grow to their full size */
 #define HOPS 4u        /* zones that one shot goes through */
+#define NARROWER 0.3f  /* share that is left out more when too many nodes say how zones are bent */
+#define WIDER 0.01f    /* and less in a filling that has room for all */
 #define FEET 4u        /* steps towards the nearest point of the surface */
 #define WANTED 0xfffeu /* in the table: a place not looked at yet whose point is to be kept */
 #define PLACE_MOST 16000  /* largest place in a lattice */
@@ -47,6 +49,12 @@ static const palp_surface *surface_of(const palp_lattice_room *r, uint32_t body)
 
 static const palp_frame *frame_of(const palp_lattice_room *r, uint32_t body) {
     return &r->frame[body - r->first_body];
+}
+
+/* Whether a point of the last tick is of this patch: its number may have been another pair's. */
+static bool is_of(const palp_lattice_room *r, const palp_contact_point *p) {
+    return p->patch == r->number && p->at.body >= r->first_body &&
+           p->at.body - r->first_body < r->bodies;
 }
 
 /* From a body's frame to the world: places and directions; and back. */
@@ -116,6 +124,7 @@ typedef struct {
     uint32_t first;                            /* points of this tool begin here */
     uint32_t looks, crossings, rings, feet;    /* left in this filling */
     bool full;                                 /* places were left out */
+    bool crowded;                              /* and nodes that say how zones are bent */
     uint32_t regions, end[PALP_LATTICE_SEEDS]; /* points of each region end here */
     float far_m;                               /* gap up to which displacements far away matter */
     float unsure_m;       /* gap up to which points there are kept: they may carry force */
@@ -302,7 +311,7 @@ static void want_pressed(const filling *f) {
     for (uint32_t k = 0; k < r->count_before && left > 0u; k++) {
         const palp_contact_point *p = &r->before[k];
         int32_t place[2];
-        if (p->patch != r->number || !(p->force_N > 0.0f)) continue;
+        if (!is_of(r, p) || !(p->force_N > 0.0f)) continue;
         left--;
         r->done->evaluations++; /* it costs less */
         if (!nearest_place(f, place_of(r, &p->at), place)) continue;
@@ -545,10 +554,13 @@ static void offer(watch_list *list, const palp_given *given, palp_lattice_watch 
 typedef enum { MEASURE, SEEK } purpose;
 
 /* How a node of a zone is bent, the more the nearer it is to the tool. */
-static void add_bent(const filling *f, palp_given_sums *sums, uint32_t body, uint32_t node,
+static void add_bent(filling *f, palp_given_sums *sums, uint32_t body, uint32_t node,
                      palp_vec3 v, float far) {
     const palp_lattice_room *r = f->r;
-    if (r->done->bent == PALP_LATTICE_BENT) return;
+    if (r->done->bent == PALP_LATTICE_BENT) {
+        f->crowded = true;
+        return;
+    }
     r->done->bent++;
     palp_given_add(sums, (1.0f - far) * (1.0f - far) + 1e-3f, v,
                    turned_out(r, body, palp_surface_bent(surface_of(r, body), node)), r->size_m);
@@ -573,7 +585,8 @@ static void visit_node(filling *f, visit *v, uint32_t body, uint32_t node) {
     r->done->around++;
     if (palp_dot(off, off) > r->reach_m * r->reach_m) return;
     palp_gap gap = gap_of(f, palp_add(v->c, off));
-    if (v->of == MEASURE && surface->assembly != NULL && gap.gap_m < r->size_m)
+    const float narrow = (1.0f - f->l->narrowed) * r->size_m;
+    if (v->of == MEASURE && surface->assembly != NULL && gap.gap_m < narrow)
         add_bent(f, &v->bent, body, node, off, palp_max(gap.gap_m / r->size_m, 0.0f));
     if (gap.gap_m > f->far_m) return;
     palp_vec3 n = turned_out(r, body, palp_vec3_at(b->normal + 3u * (size_t)node));
@@ -601,7 +614,7 @@ static void visit_body(filling *f, visit *v, uint32_t body) {
     }
 }
 
-/* Whether a body's box, and as far as it may be bent, is within reach. */
+/* Whether a body's box at rest is within reach. */
 static bool is_in_reach(const palp_lattice_room *r, uint32_t body, palp_vec3 c) {
     const palp_meta *m = surface_of(r, body)->blob->meta;
     const palp_vec3 at = into(r, body, c);
@@ -622,7 +635,11 @@ static void visit_nodes(filling *f, purpose of) {
         if (r->bodies == 1u || is_in_reach(r, r->first_body + b, v.c))
             visit_body(f, &v, r->first_body + b);
     }
-    if (of == MEASURE) f->l->bent = palp_given_fit(&v.bent, v.c);
+    if (of == MEASURE) {
+        f->l->bent = palp_given_fit(&v.bent, v.c);
+        f->l->narrowed = f->crowded ? f->l->narrowed + NARROWER * (1.0f - f->l->narrowed)
+                                    : palp_max(f->l->narrowed - WIDER, 0.0f);
+    }
     f->l->watched = v.next.count;
     for (uint32_t k = 0; k < v.next.count; k++) f->l->watch[k] = v.next.of[k];
 }
@@ -819,17 +836,18 @@ static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f
 
 /* All regions, first those that were there before. */
 static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32_t first) {
-    palp_surface_point seed[PALP_LATTICE_SEEDS];
     const uint32_t seeds = l->seeds;
     start_filling(f, l, r, first);
     r->done->fillings++;
-    for (uint32_t k = 0; k < seeds; k++) seed[k] = l->seed[k];
     l->seeds = 0;
     want_pressed(f);
-    for (uint32_t k = 0; k < seeds; k++) (void)fill_region(f, &seed[k]);
+    for (uint32_t k = 0; k < seeds; k++) { /* which puts a seed in place of this or an earlier one */
+        const palp_surface_point seed = l->seed[k];
+        (void)fill_region(f, &seed);
+    }
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];
-        if (p->patch == r->number && p->active && !is_known(f, place_of(r, &p->at)))
+        if (is_of(r, p) && p->active && !is_known(f, place_of(r, &p->at)))
             (void)fill_region(f, &p->at);
     }
     visit_nodes(f, SEEK);
@@ -846,5 +864,6 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     l->placed = *room->count > first;
     if (!l->placed) return PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = follow(l, room, &f);
-    return (f.full ? PALP_LATTICE_FULL : 0u) | (moved || f.full ? PALP_LATTICE_MOVED : 0u);
+    return (f.full ? PALP_LATTICE_FULL : 0u) | (f.crossings == 0u ? PALP_LATTICE_LOST : 0u) |
+           (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

@@ -105,6 +105,7 @@ typedef struct {
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
     palp_given bent; /* how nodes around the tool are bent, found while there is no lattice */
+    float narrowed;  /* share of the tool's size that is not looked at for it: too many nodes */
     uint32_t facing; /* triangle of the other body that was met last */
 } palp_lattice;
 
@@ -144,6 +145,7 @@ typedef struct {
 
 #define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */
 #define PALP_LATTICE_MOVED 2u /* the overlap asks for another filling */
+#define PALP_LATTICE_LOST 8u  /* shots ended before they met anything: too many crossings */
 #define PALP_LATTICE_BEGUN 4u /* laid where the tool overlaps, still without points: fill it */
 
 /*

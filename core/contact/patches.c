@@ -76,7 +76,7 @@ void palp_contact_open_patches(palp_contact *contact) {
 /* ---- patches ---- */
 
 bool palp_contact_near(const palp_contact *contact) {
-    bool any = contact->filled.bent > 0u; /* a tool looked at nodes of a zone */
+    bool any = contact->approached;
     for (uint32_t k = 0; k < contact->patches; k++) {
         const palp_contact_patch *p = &contact->patch[k];
         any = any || (p->used && (p->lattice.placed || p->normal_N > 0.0f));
@@ -220,6 +220,7 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     p = take(c, e->body, e->other);
     if (p == NULL) return;
     const float edge = s->blob->meta->mean_edge_m;
+    p->met_m = at.y;
     p->tool_m = palp_carry(here, at.y);
     p->bent = (palp_given){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
@@ -276,6 +277,7 @@ static void meet_zones(palp_contact *c) {
         palp_contact_patch *p = &c->patch[k];
         p->used = p->used && (p->lattice.placed || p->normal_N > 0.0f);
         if (!p->used) continue;
+        p->tool_m = palp_carry(&c->frame[p->body], p->met_m);
         const palp_vec3 there = palp_add(p->tool_m, p->lattice.at.origin_m);
         p->before = step_towards(c, p->other, p->before, there);
     }

@@ -12,7 +12,7 @@ void palp_coupling_reset(palp_coupling *coupling) {
         palp_coupling_tool *k = &coupling->tool[t];
         k->placed = k->touching = false;
         k->looked = 0;
-        k->contact_N = k->offset_N = (palp_vec3){0};
+        k->contact_N = k->offset_N = k->carried_m = (palp_vec3){0};
         k->contact_stiffness_N_per_m = 0.0f;
         palp_friction_reset(&k->friction);
     }
@@ -109,7 +109,9 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
             ready = ready && k->placed;
             continue;
         }
-        const palp_vec3 carried = palp_contact_carried(contact, t);
+        const palp_vec3 all = palp_contact_carried(contact, t);
+        const palp_vec3 carried = palp_sub(all, k->carried_m); /* in this tick */
+        k->carried_m = all;
         palp_friction_carry(&k->friction, carried);
         k->expected_m = foresee(k, device_m[t], carried, size);
     }
@@ -171,9 +173,11 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
                 palp_madd(rest, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
         }
         k->touching = c->normal_N[t] > 0.0f;
+        k->carried_m = (palp_vec3){0};
         k->contact_N = c->force_N[t];
+        const float energy = palp_contact_energy(c, c->normal_N[t]);
         k->contact_stiffness_N_per_m =
-            c->energy_J > 0.0f ? 0.6f * force * force / c->energy_J : 0.0f;
+            energy > 0.0f ? 0.6f * force * force / energy : 0.0f;
         if (!k->touching) k->offset_N = (palp_vec3){0};
         if (k->touching) {
             rest = approach(k->expected_m, rest, LARGEST_STEP * size);

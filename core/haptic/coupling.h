@@ -37,6 +37,7 @@ typedef struct {
     palp_vec3 expected_m;            /* the tool, foreseen for the tick under way */
     palp_vec3 contact_N;             /* F of the last answer */
     palp_vec3 offset_N;              /* O */
+    palp_vec3 carried_m;             /* by the bodies that press it, since that answer */
     float contact_stiffness_N_per_m; /* k_c */
     palp_friction friction;
     bool placed, touching;

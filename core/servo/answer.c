@@ -23,12 +23,12 @@ static float solve_cost(const palp_contact_cost *c, palp_contact_level l, uint32
            palp_contact_cost_finish(c, l, l.points, l.contacts);
 }
 
-/* A filling for each tool, and one between zones. */
-static float fill_all(const palp_contact_cost *c, palp_contact_level l) {
+/* A filling for each tool, and for so many pairs of zones. */
+static float fill_all(const palp_contact_cost *c, palp_contact_level l, float pairs) {
     float sum = 0.0f;
     const uint32_t tools = (uint32_t)c->tools;
     for (uint32_t t = 0; t < tools; t++) sum += palp_contact_cost_fill_by(c, l, t);
-    if (c->pairs > 0.0f) sum += palp_contact_cost_fill_by(c, l, PALP_CONTACT_TOOLS);
+    if (pairs > 0.0f) sum += pairs * palp_contact_cost_fill_by(c, l, PALP_CONTACT_TOOLS);
     return sum;
 }
 
@@ -36,14 +36,14 @@ float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
            palp_contact_cost_place(cost) +
-           cost->patches * (float)PALP_LATTICE_FILLINGS *
-               (palp_contact_cost_fill(cost, l) + PRICE(cost, QUANTUM));
+           (float)PALP_LATTICE_FILLINGS *
+               (fill_all(cost, l, cost->patches - cost->tools) + cost->patches * PRICE(cost, QUANTUM));
 }
 
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
-           palp_contact_cost_place(cost) + fill_all(cost, l);
+           palp_contact_cost_place(cost) + fill_all(cost, l, cost->pairs);
 }
 
 size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
@@ -221,6 +221,13 @@ static float fillings_ns(const palp_answer *a, palp_contact_level l) {
     return sum;
 }
 
+/* On the coarsest level zones do not wait for each other: pairs that there is no time for are left
+ * out, since the least answer has time for one of them only. */
+static bool may_skip(const palp_contact *c) {
+    const bool pair = c->patch[c->filling].tool == PALP_CONTACT_TOOLS;
+    return palp_contact_may_skip(c) || (pair && c->now == 0u);
+}
+
 /* Points and the matrix between them; false when time has run out meanwhile, or a contact that was
  * there is missed. */
 static bool prepare(palp_answer *a, palp_answer_report *r) {
@@ -235,10 +242,10 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
     /* at most patches times PALP_LATTICE_FILLINGS */
     while (more) {
         more = palp_contact_fill(c);
-        bool optional = more && palp_contact_may_skip(c);
-        if (more && fillings_ns(a, l) + rest > left_ns(a)) {
+        /* at most patches in all */
+        while (more && fillings_ns(a, l) + rest > left_ns(a)) {
             r->shortened = true;
-            if (!optional) return false;
+            if (!may_skip(c)) return false;
             palp_contact_skip(c);
             more = c->filling < c->patches;
         }

@@ -241,18 +241,18 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_c
                          palp_report *report) {
     palp_servo *s = servo;
     s->start_ns = s->config.port.now_ns(s->config.port.context);
-    palp_report r = {.tick = s->counters.ticks++,
-                     .bound_ns = s->bound_ns,
-                     .level = s->answer.contact.now,
-                     .limit = s->answer.limit};
+    palp_report *r = report;
+    *r = (palp_report){.tick = s->counters.ticks++,
+                       .bound_ns = s->bound_ns,
+                       .level = s->answer.contact.now,
+                       .limit = s->answer.limit};
     take_in(s, input);
-    run(s, input, &r);
+    run(s, input, r);
     uint32_t n = palp_axes_send(&s->axes, &s->config.device, palp_safety_demand(s->safety.state),
-                                r.motor_torque_Nm, r.tick, out);
-    r.state = s->safety.state;
-    r.faults = s->safety.faults;
-    r.elapsed_ns = (float)(s->config.port.now_ns(s->config.port.context) - s->start_ns);
-    if (r.elapsed_ns > NS_PER_S * s->dt_s) s->counters.overruns++;
-    *report = r;
+                                r->motor_torque_Nm, r->tick, out);
+    r->state = s->safety.state;
+    r->faults = s->safety.faults;
+    r->elapsed_ns = (float)(s->config.port.now_ns(s->config.port.context) - s->start_ns);
+    if (r->elapsed_ns > NS_PER_S * s->dt_s) s->counters.overruns++;
     return n;
 }

@@ -20,8 +20,7 @@ static void lay_out(palp_assembly *a, palp_arena *arena) {
         bool gravity = palp_blob_has(b, PALP_META_GRAVITY) && z->part[i].weight != NULL;
         a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
-        a->moved_m[i] = palp_take(arena, b->meta->nodes, sizeof(palp_vec3));
-        a->moved_when[i] = palp_take(arena, b->meta->nodes, sizeof(uint32_t));
+        a->moved[i] = palp_take(arena, b->meta->nodes, sizeof(palp_node_bent));
         a->sag[i] = gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
         most = slots > most ? slots : most;
     }
@@ -91,7 +90,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     a->settled = 0;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] = a->carried[i] = a->total[i] = 0.0f;
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
-        for (uint32_t n = 0; n < zones->blob[i].meta->nodes; n++) a->moved_when[i][n] = 0;
+        for (uint32_t n = 0; n < zones->blob[i].meta->nodes; n++) a->moved[i][n].when = 0;
     }
     palp_assembly_unload(a);
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
@@ -205,14 +204,14 @@ float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
     palp_assembly *a = assembly;
     const palp_blob *b = &a->zones->blob[zone];
-    if (a->moved_when[zone][node] == a->settled) return a->moved_m[zone][node];
+    palp_node_bent *kept = &a->moved[zone][node];
+    if (kept->when == a->settled) return kept->u_m;
     palp_vec3 u = palp_zone_follow(a->zones, a->extent, zone, node, a->bent[zone]);
     if (a->sag[zone] != NULL && !palp_node_is_fixed(b, node) &&
         palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
         u = palp_add(u, palp_rotate(a->sag[zone] + 9u * (size_t)palp_node_slot(b, node),
                                     palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
-    a->moved_when[zone][node] = a->settled;
-    a->moved_m[zone][node] = u;
+    *kept = (palp_node_bent){u, a->settled};
     a->seams.work_done += 40u + 9u * (uint64_t)palp_assembly_modes(a, zone);
     return u;
 }

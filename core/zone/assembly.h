@@ -23,6 +23,12 @@
 
 #include "core/zone/seams.h"
 
+/* How far all that is there without contact moves a node (its zone's frame), as of a settling. */
+typedef struct {
+    palp_vec3 u_m;
+    uint32_t when;
+} palp_node_bent;
+
 typedef struct {
     const palp_zones *zones;
     palp_seams seams;
@@ -37,8 +43,7 @@ typedef struct {
     float *load, *total, *kept;           /* vectors over the seams */
     float *pushed[PALP_MAX_ZONES];        /* [M][3] H^T f of the load on each zone */
     float *bent[PALP_MAX_ZONES];          /* [M][3] of each zone without contact, its frame */
-    palp_vec3 *moved_m[PALP_MAX_ZONES];   /* [nodes] by all that, where moved_when is `settled` */
-    uint32_t *moved_when[PALP_MAX_ZONES]; /* [nodes] */
+    palp_node_bent *moved[PALP_MAX_ZONES]; /* [nodes] */
     uint32_t settled;                     /* settlings so far */
     uint32_t level;  /* of the factor in use; PALP_DIAGONAL: the approximation */
     uint32_t extent; /* level beyond which w, and what is carried, is zero */

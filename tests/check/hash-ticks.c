@@ -60,7 +60,7 @@ static void move_zones(const char *path) {
                                  .finest = PALP_CONTACT_FINEST,
                                  .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
                                  .port = {.now_ns = work_clock},
-                                 .dt_s = 1e-3f};
+                                 .dt_s = 4e-3f};
     room = palp_answer_memsize_zones(&assembly, true, 1, config.finest);
     if (palp_answer_init(&answer, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
     answer.coupling.tool[0].stiffness_N_per_m = 200.0f;

@@ -33,7 +33,7 @@ refuses 2 "neither a file nor a target" "unknown target" $palp wcet r.palp --tar
 refuses 2 "which blob" "no blob" $palp wcet
 refuses 2 "goes with --hunt" "--keep alone" $palp wcet r.palp --keep out.path
 refuses 2 "goes with a ball" "hunting with a pad" $palp wcet r.palp --hunt 1 --tool pad
-refuses 2 "" "more contacts than candidates" $palp wcet r.palp --limits 8 16 2 6
+refuses 2 "" "limits that cannot be" $palp wcet r.palp --limits 8 16 2 6
 refuses 2 "" "no rate" $palp wcet r.palp --rate 0
 grep -v '^ball ' board.cost > short.cost
 refuses 1 "no line 'ball'" "an incomplete table" $palp wcet r.palp --target short.cost
