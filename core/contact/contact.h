@@ -56,13 +56,13 @@
 #define PALP_CONTACT_PAIRS 8u /* of zones that touch each other, at a time */
 #define PALP_CONTACT_PATCHES (PALP_CONTACT_TOOLS + PALP_CONTACT_PAIRS)
 #define PALP_CONTACT_BEYOND 0.03f
-#define PALP_CONTACT_MAX_POINTS 122u                     /* of the finest level there is */
-#define PALP_CONTACT_ITERATIONS 12u /* changes of the active set in one tick at most */
-#define PALP_CONTACT_ROWS 8u        /* of g that one call assembles */
+#define PALP_CONTACT_MAX_POINTS 122u /* of the finest level there is */
+#define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
+#define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
 #define PALP_CONTACT_PAIR_REACH                                                                    \
     4.0f                     /* edges about where zones meet, within which nodes are looked at */
 #define PALP_CONTACT_SCAN 4u /* nodes that a tick compares with other zones in turn */
-#define PALP_CONTACT_FOLLOWED 8u /* pairs of zones whose nearest nodes it follows */
+#define PALP_CONTACT_FOLLOWED 4u /* pairs of zones whose nearest nodes it follows */
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
@@ -150,7 +150,7 @@ typedef struct {
     palp_contact_facing *facing, *facing_before; /* [room] of points between zones */
     uint32_t count;                              /* contact points */
     uint32_t count_before;
-    bool solved; /* the last tick was finished */
+    bool solved;     /* the last tick was finished */
     bool approached; /* a tool looked at nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */

@@ -86,8 +86,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         const palp_blob *b = &z->blob[i];
         uint32_t met[3];
         palp_contact_presser one = {.evaluation = 0.0f};
-        for (uint32_t t = 0; t < tool_count; t++)
-            around(b, reach[t], &c.presser[t]);
+        for (uint32_t t = 0; t < tool_count; t++) around(b, reach[t], &c.presser[t]);
         around(b, PALP_CONTACT_PAIR_REACH * b->meta->mean_edge_m, &one);
         if (one.nodes > pair->nodes) *pair = one;
         for (uint32_t k = 0; k < 3u; k++) met[k] = b->meta->cells[k] < 3u ? b->meta->cells[k] : 3u;
@@ -124,10 +123,11 @@ float palp_contact_cost_place(const palp_contact_cost *cost) {
                        cost->cells * PRICE(cost, AROUND);
     const float others = palp_max(cost->zones - 1.0f, 0.0f);
     const float followed = palp_min(0.5f * cost->zones * others, (float)PALP_CONTACT_FOLLOWED);
+    const float neighbours = cost->ring + 1.0f;
     const float used = cost->patches - cost->tools; /* pairs at a time */
     return cost->zones * cost->tools * PRICE(cost, SOUGHT) +
            cost->pairs * ((float)PALP_CONTACT_SCAN * others * look +
-                          followed * 2.0f * (look + 2.0f * cost->ring * PRICE(cost, AROUND)) +
+                          followed * (2.0f * look + neighbours * neighbours * PRICE(cost, AROUND)) +
                           used * 2.0f * (cost->ring * PRICE(cost, AROUND) + PRICE(cost, FILLING)));
 }
 

@@ -47,7 +47,7 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
 
 /* palp_contact_begin on a multizone model: zones tools SOUGHT, and where zones touch each other
  * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs followed) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
- * CROSSING + cells AROUND) + 4 pairs followed ring AROUND + 2 pairs in contact (ring AROUND +
+ * CROSSING + cells AROUND) + pairs followed (ring + 1)^2 AROUND + 2 pairs in contact (ring AROUND +
  * FILLING). */
 float palp_contact_cost_place(const palp_contact_cost *cost);
 

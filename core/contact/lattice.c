@@ -554,8 +554,8 @@ static void offer(watch_list *list, const palp_given *given, palp_lattice_watch 
 typedef enum { MEASURE, SEEK } purpose;
 
 /* How a node of a zone is bent, the more the nearer it is to the tool. */
-static void add_bent(filling *f, palp_given_sums *sums, uint32_t body, uint32_t node,
-                     palp_vec3 v, float far) {
+static void add_bent(filling *f, palp_given_sums *sums, uint32_t body, uint32_t node, palp_vec3 v,
+                     float far) {
     const palp_lattice_room *r = f->r;
     if (r->done->bent == PALP_LATTICE_BENT) {
         f->crowded = true;
@@ -841,7 +841,8 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     r->done->fillings++;
     l->seeds = 0;
     want_pressed(f);
-    for (uint32_t k = 0; k < seeds; k++) { /* which puts a seed in place of this or an earlier one */
+    for (uint32_t k = 0; k < seeds;
+         k++) { /* which puts a seed in place of this or an earlier one */
         const palp_surface_point seed = l->seed[k];
         (void)fill_region(f, &seed);
     }

@@ -139,9 +139,10 @@ static palp_contact_patch *take(palp_contact *c, uint32_t body, uint32_t other) 
 
 /* ---- zones before zones ---- */
 
-#define OPPOSED -0.3f /* cosine between normals that face each other */
-#define BEFORE 0.3f   /* edges before two zones meet, from which a lattice is ready */
-#define DEEPEST 3.0f  /* edges: what lies deeper is not in contact but on the far side */
+#define OPPOSED 0.3f /* cosine of nodes' normals that face each other; at corners they lie aside   \
+                      */
+#define BEFORE 0.3f  /* edges before two zones meet, from which a lattice is ready */
+#define DEEPEST 3.0f /* edges: what lies deeper is not in contact but on the far side */
 
 /* The node of `b` nearest to x among the cells around it; PALP_NONE if there is none. */
 static uint32_t nearest_node(palp_contact *c, const palp_blob *b, palp_vec3 x) {
@@ -175,6 +176,7 @@ static uint32_t nearest_node(palp_contact *c, const palp_blob *b, palp_vec3 x) {
 typedef struct {
     uint32_t body, node, other, before; /* the node of the other one that is nearest */
     palp_vec3 bent_m;                   /* of the one against the other */
+    palp_vec3 axis;                     /* out of the other one, between both normals */
 } encounter;
 
 /* Whether a node lies in another zone, just below its surface, or is about to. */
@@ -197,8 +199,9 @@ static bool lies_in(palp_contact *c, encounter *e) {
     const uint32_t triangle = other->blob->regular.triangle[nearest];
     uint32_t hint[2] = {triangle, triangle};
     e->before = nearest;
-    palp_gap gap = palp_facing_gap(other, there, palp_add(x, e->bent_m), palp_scale(-1.0f, n),
-                                   &crossings, hint);
+    const palp_vec3 apart = palp_sub(m, n);
+    e->axis = palp_scale(1.0f / palp_norm(apart), apart);
+    palp_gap gap = palp_facing_gap(other, there, palp_add(x, e->bent_m), e->axis, &crossings, hint);
     c->filled.shots++;
     c->filled.crossings += PALP_SURFACE_CROSSINGS - crossings;
     c->filled.bent += 2u;
@@ -224,7 +227,7 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     p->tool_m = palp_carry(here, at.y);
     p->bent = (palp_given){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
-    palp_lattice_look_at(&p->lattice, palp_rotate(here->r, palp_scale(-1.0f, at.n)), e->bent_m);
+    palp_lattice_look_at(&p->lattice, e->axis, e->bent_m);
 }
 
 static palp_vec3 node_at(const palp_contact *c, uint32_t body, uint32_t node) {
@@ -248,6 +251,41 @@ static uint32_t step_towards(palp_contact *c, uint32_t body, uint32_t node, palp
     return best;
 }
 
+/* A node's k-th neighbour, the 0th being itself; PALP_NONE for bones and seams, which do not meet
+ * anything. */
+static uint32_t neighbour(const palp_blob *b, uint32_t node, uint32_t k) {
+    const uint32_t n = k == 0u ? node : b->ring[b->ring_offset[node] + k - 1u];
+    return palp_node_is_fixed(b, n) ? PALP_NONE : n;
+}
+
+static uint32_t neighbours(const palp_blob *b, uint32_t node) {
+    return 1u + b->ring_offset[node + 1u] - b->ring_offset[node];
+}
+
+/* The nearest two of both nodes and their neighbours. Both move at once: of two sides that run
+ * towards each other, the next node of one alone would be farther away. */
+static void draw_near(palp_contact *c, uint32_t first, uint32_t second, uint32_t node[2]) {
+    const palp_blob *a = c->surface[first].blob, *b = c->surface[second].blob;
+    const uint32_t old[2] = {node[0], node[1]};
+    const uint32_t others = neighbours(b, old[1]);
+    float least = 1e30f;
+    for (uint32_t i = 0; i < neighbours(a, old[0]); i++) {
+        const uint32_t p = neighbour(a, old[0], i);
+        c->filled.around += others;
+        if (p == PALP_NONE) continue;
+        const palp_vec3 x = palp_carry_back(&c->frame[second], node_at(c, first, p));
+        for (uint32_t j = 0; j < others; j++) {
+            const uint32_t q = neighbour(b, old[1], j);
+            if (q == PALP_NONE) continue;
+            const palp_vec3 d = palp_sub(palp_vec3_at(b->rest_m + 3u * (size_t)q), x);
+            if (palp_dot(d, d) >= least) continue;
+            least = palp_dot(d, d);
+            node[0] = p;
+            node[1] = q;
+        }
+    }
+}
+
 /* Follows the nearest nodes of the next pairs of zones in turn. */
 static void follow_closest(palp_contact *c) {
     const uint32_t pairs = c->bodies * (c->bodies - 1u) / 2u;
@@ -258,8 +296,7 @@ static void follow_closest(palp_contact *c) {
         while (first + a <= c->pair_scan) first += a++; /* at most zones */
         const uint32_t b = c->pair_scan - first;
         uint32_t *node = c->closest[c->pair_scan];
-        node[0] = step_towards(c, a, node[0], node_at(c, b, node[1]));
-        node[1] = step_towards(c, b, node[1], node_at(c, a, node[0]));
+        draw_near(c, a, b, node);
         for (uint32_t k = 0; k < 2u; k++) {
             encounter e = {.body = k == 0u ? a : b, .node = node[k], .other = k == 0u ? b : a};
             if (lies_in(c, &e)) {

@@ -176,8 +176,7 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         k->carried_m = (palp_vec3){0};
         k->contact_N = c->force_N[t];
         const float energy = palp_contact_energy(c, c->normal_N[t]);
-        k->contact_stiffness_N_per_m =
-            energy > 0.0f ? 0.6f * force * force / energy : 0.0f;
+        k->contact_stiffness_N_per_m = energy > 0.0f ? 0.6f * force * force / energy : 0.0f;
         if (!k->touching) k->offset_N = (palp_vec3){0};
         if (k->touching) {
             rest = approach(k->expected_m, rest, LARGEST_STEP * size);

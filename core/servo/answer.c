@@ -36,8 +36,8 @@ float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
            palp_contact_cost_place(cost) +
-           (float)PALP_LATTICE_FILLINGS *
-               (fill_all(cost, l, cost->patches - cost->tools) + cost->patches * PRICE(cost, QUANTUM));
+           (float)PALP_LATTICE_FILLINGS * (fill_all(cost, l, cost->patches - cost->tools) +
+                                           cost->patches * PRICE(cost, QUANTUM));
 }
 
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {

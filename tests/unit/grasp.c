@@ -408,6 +408,109 @@ static void test_pairs(void) {
     AT_MOST(deepest / EDGE, 2e-3, "penetration that is left, over the arms' width");
 }
 
+/* How far the displacement of the points, both sides together, is from g lambda, over the largest.
+ */
+static double off_matrix(const palp_contact *c) {
+    double off = 0, most = 0;
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const uint32_t i = c->active[a];
+        double along = (double)palp_dot(c->point[i].m, c->point[i].u_m), sum = 0;
+        if (c->other_side[i] > 0) along += (double)palp_dot(c->facing[i].m, c->facing[i].u_m);
+        for (uint32_t k = 0; k < c->active_count; k++)
+            sum += (double)c->g[(size_t)i * c->room + c->active[k]] *
+                   (double)c->point[c->active[k]].force_N;
+        off = fmax(off, fabs(along - sum));
+        most = fmax(most, fabs(along));
+    }
+    return off / most;
+}
+
+/* Three arms on one hub; the outer ones turn against the middle one, so that it is the first zone
+ * of one pair and the second of the other. */
+static void test_two_pairs(void) {
+    static const int u[11][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}, {4, 0, 0}, {0, 0, 1},
+                                 {2, 0, 1}, {4, 0, 1}, {0, 0, 2}, {2, 0, 2}, {4, 0, 2}};
+    static const char *const name[] = {"hub",    "hub",   "hub",  "hub",    "hub",  "left",
+                                       "middle", "right", "left", "middle", "right"};
+    uint32_t *cell;
+    char lines[512];
+    mesh m = model_voxels(u, 11, EDGE, 4, &cell);
+    char *labels = model_labels(cell, m.triangles, name);
+    snprintf(lines, sizeof lines,
+             COMMON "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone middle\n"
+                    "fix-above z 0.059999\nzone right\nfix-above x 0.099999\nlabels %s\n"
+                    "joint l revolute hub left\naxis 0 1 0\norigin 0.01 0.01 0.02\n"
+                    "joint m fixed hub middle\njoint r revolute hub right\naxis 0 1 0\n"
+                    "origin 0.09 0.01 0.02\n",
+             labels);
+    zoned model = model_zones(&m, lines, 0);
+    remove(labels);
+    palp_assembly *a = model_assembly(model.zones, 2);
+    const palp_tool tool = palp_tool_sphere(0.002f);
+    palp_contact *c = open_contact(a, true, &tool, PALP_CONTACT_FINEST);
+    palp_vec3 on[4], far = {1.0f, 1.0f, 1.0f};
+    uint32_t pairs = 0, patches = 0;
+    double worst = 0, jump = 0, last = 0, force = 0;
+    for (uint32_t i = 0; i <= 400; i++) {
+        const float turn = 0.68f * (float)i / 400.0f;
+        float value[PALP_MAX_JOINTS] = {turn, 0.0f, -turn};
+        pose(a, value);
+        (void)press(c, far, 1);
+        patches = 0;
+        for (uint32_t k = c->tool_count; k < c->patches; k++)
+            patches += c->patch[k].normal_N > 0.0f ? 1u : 0u;
+        if (patches > 1) worst = fmax(worst, off_matrix(c));
+        (void)pair_forces(c, on, &pairs);
+        force = (double)palp_norm(on[1]);
+        jump = fmax(jump, fabs(force - last));
+        last = force;
+    }
+    CHECK(patches == 2, "the middle arm meets %u others, on %u points", patches, pairs);
+    AT_MOST(worst, 1e-3, "two pairs: displacements of both sides over those of the matrix");
+    AT_MOST(jump / force, 0.1, "largest step of the force while they close in 400 steps");
+    AT_MOST((double)palp_norm(palp_add(on[1], palp_add(on[2], on[3]))) / force, 1e-5,
+            "what the middle one gets the others give");
+}
+
+/* Ticks that are held while the model carries the tool along: it goes as far as the model does. */
+static void test_carried(const zoned *model) {
+    palp_assembly *a = model_assembly(model->zones, FINEST);
+    const palp_tool tool = palp_tool_sphere(0.008f);
+    palp_contact *c = open_contact(a, false, &tool, PALP_CONTACT_FINEST);
+    palp_coupling k = {.settling = 0};
+    palp_coupling_result result;
+    palp_contact_spring spring;
+    palp_vec3 hand = {0.03f, 0.01f, 0.0265f}, tool_m, start = {0};
+    const palp_vec3 step = {2e-5f, 1e-5f, -3e-5f};
+    const float value[PALP_MAX_JOINTS] = {0};
+    palp_frame root = PALP_FRAME_IDENTITY;
+    pose(a, value);
+    palp_coupling_reset(&k);
+    k.tool[0].stiffness_N_per_m = 200.0f;
+    for (uint32_t i = 0; i < 60; i++) {
+        palp_vec3 at = hand;
+        at.z += i < 20 ? 0.01f - 0.0005f * (float)i : 0.0f;
+        if (!palp_coupling_begin(&k, c, &at)) continue;
+        palp_coupling_springs(&k, c, &tool_m, &spring);
+        palp_contact_solve(c, &tool_m, &spring);
+        palp_coupling_take(&k, c, 1e-3f, &result);
+    }
+    start = result.tool_m;
+    const float force = palp_norm(result.force_N);
+    for (uint32_t i = 1; i <= 6; i++) {
+        root.t = palp_scale((float)i, step);
+        palp_assembly_pose(a, value, &root);
+        palp_assembly_settle(a);
+        const palp_vec3 at = palp_add(hand, root.t);
+        (void)palp_coupling_begin(&k, c, &at);
+        palp_coupling_hold(&k, c, 1e-3f, &result);
+    }
+    palp_vec3 off = palp_sub(palp_sub(result.tool_m, start), palp_scale(6.0f, step));
+    CHECK(force > 0.01f, "a tool presses with %.3g N", (double)force);
+    AT_MOST((double)palp_norm(off) / (double)palp_norm(step), 0.05,
+            "six held ticks: off the way of the model, over a tick of it");
+}
+
 /* ---- bounded time ---- */
 
 typedef struct {
@@ -494,6 +597,8 @@ int main(void) {
     test_closed_path(&chain, FINEST, 1.0f, 3e-2);
     test_closed_path(&chain, 1, 1.0f, 3e-2);
     test_pairs();
+    test_two_pairs();
+    test_carried(&chain);
     run_budget(&chain, 950, 4, 0);
     run_budget(&chain, 700, 4, 0);
     run_budget(&chain, 600, 3, 0);
