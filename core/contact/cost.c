@@ -70,6 +70,13 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
     return c;
 }
 
+/* A node on a seam is looked up among them. */
+static float seam_nodes(const palp_zones *z, uint32_t zone) {
+    uint32_t sum = 0;
+    for (uint32_t k = 0; k < z->part[zone].seams; k++) sum += z->seam[z->part[zone].seam[k]].nodes;
+    return (float)sum;
+}
+
 palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool pairs,
                                              const palp_tool *tools, uint32_t tool_count,
                                              const palp_prices *price) {
@@ -94,6 +101,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         c.ring = palp_max(c.ring, (float)b->meta->max_ring);
         c.modes = b->regular.modes > c.modes ? b->regular.modes : c.modes;
         modes = palp_max(modes, palp_assembly_modes(assembly, i));
+        c.on_seam = palp_max(c.on_seam, 0.5f * seam_nodes(z, i));
     }
     for (uint32_t t = 0; t < tool_count; t++) {
         c.presser[t].evaluation = evaluation_of(&tools[t], price);
@@ -105,7 +113,8 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     c.pairs = pairs ? 1.0f : 0.0f;
     c.patches = (float)tool_count;
     if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
-    c.bent = price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE];
+    c.bent =
+        price->of[PALP_WORK_PLACE] + palp_max(modes, c.on_seam) * price->of[PALP_WORK_PLACE_MODE];
     c.unknowns = 3.0f * (float)q->modes;
     c.solve = palp_seams_cost_solve(q, price, q->finest);
     c.forward = palp_seams_cost_forward(q, price, q->finest);
@@ -189,7 +198,8 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
 /* What a zone's seams feel of a push, on the level of the seams in use. */
 static float felt(const palp_contact_cost *cost) {
     return palp_min(cost->bent,
-                    PRICE(cost, PLACE) + cost->unknowns / 3.0f * PRICE(cost, PLACE_MODE));
+                    PRICE(cost, PLACE) +
+                        palp_max(cost->unknowns / 3.0f, cost->on_seam) * PRICE(cost, PLACE_MODE));
 }
 
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,

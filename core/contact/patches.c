@@ -139,7 +139,8 @@ static palp_contact_patch *take(palp_contact *c, uint32_t body, uint32_t other) 
 
 /* ---- zones before zones ---- */
 
-#define OPPOSED 0.3f /* cosine of nodes' normals that face each other; at corners they lie aside   \
+#define OPPOSED                                                                                    \
+    0.3f             /* cosine of nodes' normals that face each other; at corners they lie aside   \
                       */
 #define BEFORE 0.3f  /* edges before two zones meet, from which a lattice is ready */
 #define DEEPEST 3.0f /* edges: what lies deeper is not in contact but on the far side */
