@@ -27,12 +27,13 @@ void palp_contact_bond(palp_contact *contact) {
     const palp_seam_factor *f = palp_seams_factor(q);
     const size_t n = 3u * (size_t)q->modes, stride = c->side_room;
     float *rest = c->seam + n * stride;
+    const uint32_t lanes = (c->sides + LANES - 1u) / LANES * LANES; /* at most side_room */
     uint64_t touched = 0, own = 0;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         const size_t first = 3u * (size_t)q->first_mode[s];
         for (size_t i = first; i < first + 3u * palp_seam_modes(q, s, f->level); i++) {
-            clear(c->seam + i * stride, c->sides);
-            clear(rest + i * stride, c->sides);
+            clear(c->seam + i * stride, lanes);
+            clear(rest + i * stride, lanes);
         }
     }
     for (uint32_t s = 0; s < c->sides; s++) {
@@ -46,8 +47,8 @@ void palp_contact_bond(palp_contact *contact) {
         c->work_done += 30u * (uint64_t)palp_assembly_modes(a, zone);
     }
     own = touched;
-    palp_seams_forward_many(q, f, c->seam, stride, c->sides, &touched);
-    palp_seams_forward_many(q, palp_seams_at_rest(q), rest, stride, c->sides, &own);
+    palp_seams_forward_many(q, f, c->seam, stride, lanes, &touched);
+    palp_seams_forward_many(q, palp_seams_at_rest(q), rest, stride, lanes, &own);
     c->seam_touched = touched;
 }
 

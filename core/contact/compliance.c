@@ -74,6 +74,13 @@ static uint32_t others_end(const palp_contact *c, uint32_t end) {
     return c->count;
 }
 
+/* What does not ask which bodies the sides lie on. */
+static void common_row(palp_contact *c, uint32_t side, uint32_t first, uint32_t end, float *row) {
+    modes_row(c, side, first, end, row);
+    if (c->assembly != NULL) palp_contact_bond_row(c, side, first, end, row);
+    c->work_done += (uint64_t)(end - first) * (40u + c->level.modes);
+}
+
 /* row[j] of one side with those of the points below `end`. */
 static void row_of_side(palp_contact *c, uint32_t side, uint32_t end, float *row) {
     const uint32_t others = others_end(c, end), body = palp_contact_body(c, side);
@@ -84,10 +91,9 @@ static void row_of_side(palp_contact *c, uint32_t side, uint32_t end, float *row
         if (run->first >= last) continue;
         half_space_row(c, palp_contact_half_space(c, body, run->body), side, run->first, last, row);
         if (side >= run->first && side < last) row[side] = half_space_self(c, body, side);
-        modes_row(c, side, run->first, last, row);
-        if (c->assembly != NULL) palp_contact_bond_row(c, side, run->first, last, row);
-        c->work_done += (uint64_t)(last - run->first) * (40u + c->level.modes);
     }
+    common_row(c, side, 0, end, row);
+    if (others > c->count) common_row(c, side, c->count, others, row);
 }
 
 /* What the points feel of one side, both of theirs together. */

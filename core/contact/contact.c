@@ -56,7 +56,7 @@ static uint32_t zone_modes(const palp_assembly *a) {
 
 static void lay_out(palp_contact *c, palp_arena *arena) {
     const uint32_t modes = c->modes;
-    c->side_room = c->pairs ? 2u * c->room : c->room;
+    c->side_room = ((c->pairs ? 2u * c->room : c->room) + LANES - 1u) / LANES * LANES;
     const uint32_t room = c->room, sides = c->side_room;
     const uint32_t padded = sides / LANES * LANES + LANES * c->bodies;
     c->surface = palp_take(arena, c->bodies, sizeof *c->surface);

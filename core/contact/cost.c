@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/cost.h"
 
-#define SPLIT 1.4f /* of points and rows of g that lie on several zones, over those on a body */
-#define PAIRS 0.5f /* share of the points that may lie between zones */
-#define LANES 7.0f /* sides that one more body's are filled up by at most */
+#define SPLIT 1.4f   /* of points that lie on several zones, over those on a body */
+#define RUNS 2.0f    /* the half-space between points that alternate between zones, over one run */
+#define FEWEST 12.0f /* sides of zones: rows of the seams take as long for fewer */
+#define LANES 7.0f   /* sides that one more body's are filled up by at most */
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
@@ -70,13 +71,6 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
     return c;
 }
 
-/* A node on a seam is looked up among them. */
-static float seam_nodes(const palp_zones *z, uint32_t zone) {
-    uint32_t sum = 0;
-    for (uint32_t k = 0; k < z->part[zone].seams; k++) sum += z->seam[z->part[zone].seam[k]].nodes;
-    return (float)sum;
-}
-
 palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool pairs,
                                              const palp_tool *tools, uint32_t tool_count,
                                              const palp_prices *price) {
@@ -101,7 +95,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         c.ring = palp_max(c.ring, (float)b->meta->max_ring);
         c.modes = b->regular.modes > c.modes ? b->regular.modes : c.modes;
         modes = palp_max(modes, palp_assembly_modes(assembly, i));
-        c.on_seam = palp_max(c.on_seam, 0.5f * seam_nodes(z, i));
+        c.on_seam = palp_max(c.on_seam, palp_assembly_lookup(assembly, i));
     }
     for (uint32_t t = 0; t < tool_count; t++) {
         c.presser[t].evaluation = evaluation_of(&tools[t], price);
@@ -202,6 +196,12 @@ static float felt(const palp_contact_cost *cost) {
                         palp_max(cost->unknowns / 3.0f, cost->on_seam) * PRICE(cost, PLACE_MODE));
 }
 
+/* Other sides that so many points have: half of all points at most lie between zones. */
+static float others(const palp_contact_cost *cost, palp_contact_level level, uint32_t points) {
+    const uint32_t most = level.points / 2u;
+    return cost->pairs * (float)(points < most ? points : most);
+}
+
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count) {
     const float side = 3.0f * PRICE(cost, CORNER) + (float)level.modes * PRICE(cost, MODE_AT);
@@ -209,25 +209,34 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
     if (!(cost->zones > 0.0f)) return sum;
     const float bond = 3.0f * (cost->bent + felt(cost)) + 2.0f * cost->forward +
                        2.0f * cost->unknowns * PRICE(cost, SEAM_TURN);
-    sum = SPLIT * (sum + (float)count * bond);
-    if (cost->pairs > 0.0f)
-        sum += PAIRS * (float)count *
-               (bond + side + 2.0f * PRICE(cost, SHOT) +
-                (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
-    return sum;
+    return SPLIT * (sum + palp_max((float)count, FEWEST) * bond) +
+           others(cost, level, count) * (bond + side + 2.0f * PRICE(cost, SHOT) +
+                                         (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
+}
+
+/* So many products between sides, of which `sides` are new. */
+static float products(const palp_contact_cost *cost, palp_contact_level level, float split,
+                      float pairs, float sides) {
+    const float seams = 2.0f * cost->unknowns * PRICE(cost, MODE_PAIR);
+    return pairs * (split * PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR) +
+                    seams) +
+           sides * (PRICE(cost, GATHER) + 0.75f * PRICE(cost, POINT) +
+                    0.25f * (float)level.modes * PRICE(cost, MODE_AT));
 }
 
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count) {
-    const float n = (float)count, sides = 1.0f + PAIRS * cost->pairs;
-    const float seams = cost->zones > 0.0f ? 2.0f * cost->unknowns * PRICE(cost, MODE_PAIR) : 0.0f;
-    const float pairs = 0.5f * sides * n * (sides * n + 1.0f + PAIRS * cost->pairs);
-    const float split = cost->zones > 0.0f ? SPLIT : 1.0f;
-    return split * (pairs * (PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR) +
-                             seams) +
-                    sides * n *
-                        (PRICE(cost, GATHER) + 0.75f * PRICE(cost, POINT) +
-                         0.25f * (float)level.modes * PRICE(cost, MODE_AT)));
+    const float n = (float)count, sides = n + others(cost, level, count);
+    if (!(cost->zones > 0.0f)) return products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
+    /* a row takes as if it had one side more */
+    return products(cost, level, RUNS, 0.5f * sides * (sides + 3.0f + cost->pairs), SPLIT * sides);
+}
+
+float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level level, uint32_t from,
+                             uint32_t count) {
+    const float n = (float)from; /* tools come first: these have one side */
+    return palp_contact_cost_assemble(cost, level, count) -
+           products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
 }
 
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active) {
@@ -242,10 +251,10 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active) {
-    const float sides = 1.0f + PAIRS * cost->pairs, n = sides * (float)count;
+    const float n = (float)count + others(cost, level, count);
+    const float pressed = (float)active + others(cost, level, active);
     /* each body's sides in contact fill whole lanes */
-    const float a = sides * (float)active +
-                    palp_max(palp_min(cost->zones, sides * (float)active) - 1.0f, 0.0f) * LANES;
+    const float a = pressed + palp_max(palp_min(cost->zones, pressed) - 1.0f, 0.0f) * LANES;
     const float modes = (float)level.modes;
     float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
     if (cost->zones > 0.0f)

@@ -69,14 +69,16 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
 
 /*
  * Of a multizone model, BENT is PLACE + M PLACE_MODE with M modes of a zone's seams, or half as
- * many as they have nodes, FELT the same of the level of the seams in use, or BENT where that is
- * less. There are half as many sides again
- * as points where zones touch each other, else as many. On top of what follows:
+ * many as they have nodes; FELT the same of the level of the seams in use, or BENT where that is
+ * less. Where zones touch each other, up to half of the points of the level have two sides. On top
+ * of what follows:
  *
- *   points     all of it 1.4 times; a side 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN; one
- *              between zones 2 SHOT + PALP_SURFACE_CROSSINGS CROSSING besides
  *   fill       zones SOUGHT, and a TURN for each place that is turned from one frame to another
- *   assemble   all of it 1.4 times; a pair of sides 2 unknowns MODE_PAIR
+ *   points     all of it 1.4 times; a side 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN, as
+ *              for 12 sides where there are fewer; one between zones 2 SHOT +
+ *              PALP_SURFACE_CROSSINGS CROSSING besides
+ *   assemble   a pair of sides COMPLIANCE and 2 unknowns MODE_PAIR more; a row one side more, with
+ *              pairs of zones 1.5; a side 1.4 times as much
  *   finish     zones (solve + 4 unknowns SEAM_MODE); 6 FELT for a side in contact, 3 FELT for any;
  *              up to 7 sides in contact more for each body but the first: they fill whole lanes
  */
@@ -89,6 +91,10 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
  * (GATHER + 3/4 POINT + modes MODE_AT / 4) */
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count);
+
+/* What of it is left at most when rows below `from` are there. */
+float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level level, uint32_t from,
+                             uint32_t count);
 
 /* palp_contact_iterate with a points in contact: ITERATION + (count + a) PRESSED + a (a + 1) / 2
  * (GATHER + SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + (count -

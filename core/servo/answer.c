@@ -204,8 +204,7 @@ static float iteration_ns(const palp_answer *a) {
 /* Bound of the rows of the matrix that are missing, an iteration and the end. */
 static float rows_ns(const palp_answer *a) {
     const palp_contact *c = &a->contact;
-    return palp_contact_cost_assemble(&a->bound, c->level, c->count) -
-           palp_contact_cost_assemble(&a->bound, c->level, c->row) + iteration_ns(a);
+    return palp_contact_cost_rows(&a->bound, c->level, c->row, c->count) + iteration_ns(a);
 }
 
 /* Bound of filling the present patch and those that press and are not filled yet. */

@@ -201,6 +201,14 @@ float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
     return modes;
 }
 
+float palp_assembly_lookup(const palp_assembly *assembly, uint32_t zone) {
+    const palp_zones *z = assembly->zones;
+    uint32_t nodes = 0;
+    for (uint32_t k = 0; k < z->part[zone].seams; k++)
+        nodes += z->seam[z->part[zone].seam[k]].nodes;
+    return 0.5f * (float)nodes;
+}
+
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
     palp_assembly *a = assembly;
     const palp_blob *b = &a->zones->blob[zone];

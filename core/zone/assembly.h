@@ -84,6 +84,8 @@ void palp_assembly_relax(palp_assembly *assembly, float share);
 
 /* Modes of a zone's seams on the finest level. */
 float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone);
+/* What it takes to find a node on a zone's seams, in such modes: half the nodes there. */
+float palp_assembly_lookup(const palp_assembly *assembly, uint32_t zone);
 
 /* How far a node is moved without contact (zone's frame, m): by the seams and by gravity. Kept
  * until the next settling; before that 9 a mode of the finest level, and 9. */
