@@ -13,10 +13,10 @@ static void clear(float *x, size_t n) {
 /* What the seams of a zone feel of a force at a place of its surface. */
 static void feel(palp_contact *c, uint32_t level, uint32_t zone, const palp_surface_point *at,
                  palp_vec3 force) {
-    const palp_zones *z = c->assembly->zones;
-    const uint32_t *corner = z->blob[zone].triangle + 3u * (size_t)at->triangle;
+    const palp_blob *b = &c->assembly->zones->blob[zone];
+    const uint32_t *corner = b->triangle + 3u * (size_t)at->triangle;
     for (uint32_t k = 0; k < 3u; k++)
-        palp_zone_feel(z, level, zone, corner[k], at->weight[k], force, c->felt);
+        palp_assembly_push(c->assembly, level, zone, corner[k], at->weight[k], force, c->felt);
     c->work_done += 27u * (uint64_t)palp_assembly_modes(c->assembly, zone);
 }
 
@@ -107,7 +107,7 @@ void palp_contact_bond_corners(palp_contact *contact) {
         palp_assembly_answer_of(a, b, c->answer, c->felt);
         for (uint32_t k = 0; k < c->nodes; k++) {
             if (c->node_body[k] != b) continue;
-            palp_vec3 u = palp_zone_follow(a->zones, level, b, c->node[k], c->felt);
+            palp_vec3 u = palp_assembly_follow(a, level, b, c->node[k], c->felt);
             c->node_u_m[k] = palp_add(c->node_u_m[k], u);
             c->work_done += 9u * (uint64_t)palp_assembly_modes(a, b);
         }

@@ -95,7 +95,6 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         c.ring = palp_max(c.ring, (float)b->meta->max_ring);
         c.modes = b->regular.modes > c.modes ? b->regular.modes : c.modes;
         modes = palp_max(modes, palp_assembly_modes(assembly, i));
-        c.on_seam = palp_max(c.on_seam, palp_assembly_lookup(assembly, i));
     }
     for (uint32_t t = 0; t < tool_count; t++) {
         c.presser[t].evaluation = evaluation_of(&tools[t], price);
@@ -107,8 +106,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     c.pairs = pairs ? 1.0f : 0.0f;
     c.patches = (float)tool_count;
     if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
-    c.bent =
-        price->of[PALP_WORK_PLACE] + palp_max(modes, c.on_seam) * price->of[PALP_WORK_PLACE_MODE];
+    c.bent = price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE];
     c.unknowns = 3.0f * (float)q->modes;
     c.solve = palp_seams_cost_solve(q, price, q->finest);
     c.forward = palp_seams_cost_forward(q, price, q->finest);
@@ -192,8 +190,7 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
 /* What a zone's seams feel of a push, on the level of the seams in use. */
 static float felt(const palp_contact_cost *cost) {
     return palp_min(cost->bent,
-                    PRICE(cost, PLACE) +
-                        palp_max(cost->unknowns / 3.0f, cost->on_seam) * PRICE(cost, PLACE_MODE));
+                    PRICE(cost, PLACE) + cost->unknowns / 3.0f * PRICE(cost, PLACE_MODE));
 }
 
 /* Other sides that so many points have: half of all points at most lie between zones. */

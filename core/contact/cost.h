@@ -26,8 +26,7 @@ typedef struct {
     bool friction;
     float patches;      /* tools, and pairs of zones */
     float zones, pairs; /* of a multizone model, else 0; 1 if zones touch each other */
-    float on_seam; /* half the nodes of a zone's seams: what it takes to look one up, as modes */
-    float bent;    /* to say how a node of a zone is bent: PLACE + M PLACE_MODE */
+    float bent;         /* to say how a node of a zone is bent: PLACE + M PLACE_MODE */
     /* of the level of the seams in use: unknowns, palp_seams_cost_solve, palp_seams_cost_forward */
     float unknowns, solve, forward;
     float cells; /* most nodes in 27 cells of a zone */
@@ -68,10 +67,9 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
                                 uint32_t tool);
 
 /*
- * Of a multizone model, BENT is PLACE + M PLACE_MODE with M modes of a zone's seams, or half as
- * many as they have nodes; FELT the same of the level of the seams in use, or BENT where that is
- * less. Where zones touch each other, up to half of the points of the level have two sides. On top
- * of what follows:
+ * Of a multizone model, BENT is PLACE + M PLACE_MODE with M modes of a zone's seams; FELT the same
+ * of the level of the seams in use, or BENT where that is less. Where zones touch each other, up to
+ * half of the points of the level have two sides. On top of what follows:
  *
  *   fill       zones SOUGHT, and a TURN for each place that is turned from one frame to another
  *   points     all of it 1.4 times; a side 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN, as

@@ -21,17 +21,16 @@ void palp_moving_init(palp_moving *moving, palp_contact *contact, const palp_pri
                        .dt_s = dt_s,
                        .share_ns = share_ns,
                        .barred = PALP_NONE};
-    float modes = 0.0f, place = 0.0f, all = 3.0f * (float)q->modes;
+    float modes = 0.0f, all = 3.0f * (float)q->modes;
     for (uint32_t z = 0; z < a->zones->meta->zones; z++) {
         modes = palp_max(modes, palp_assembly_modes(a, z));
-        place = palp_max(place, palp_max(modes, palp_assembly_lookup(a, z)));
         all += 3.0f * (float)a->zones->zone[z].modes;
     }
     const float sides = contact->pairs ? 2.0f : 1.0f, zones = (float)a->zones->meta->zones;
     m->load_ns = (float)points * sides * 3.0f *
-                     (price->of[PALP_WORK_PLACE] + place * price->of[PALP_WORK_PLACE_MODE]) +
+                     (price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE]) +
                  zones * (float)points * price->of[PALP_WORK_PRESSED] +
-                 3.0f * all * price->of[PALP_WORK_SEAM_ROW] +
+                 4.0f * all * price->of[PALP_WORK_SEAM_ROW] +
                  zones * modes * price->of[PALP_WORK_SEAM_MODE];
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
         uint32_t level = k == PALP_SEAM_LEVELS ? PALP_DIAGONAL : k;

@@ -20,7 +20,7 @@ static void lay_out(palp_assembly *a, palp_arena *arena) {
         bool gravity = palp_blob_has(b, PALP_META_GRAVITY) && z->part[i].weight != NULL;
         a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
-        a->moved[i] = palp_take(arena, b->meta->nodes, sizeof(palp_node_bent));
+        a->node[i] = palp_take(arena, b->meta->nodes, sizeof(palp_zone_node));
         a->sag[i] = gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
         most = slots > most ? slots : most;
     }
@@ -68,6 +68,19 @@ static void make_sag(palp_assembly *a, uint32_t zone) {
     }
 }
 
+/* Nothing is known of a zone's nodes yet but where they are on its seams: the first, if several. */
+static void list_nodes(palp_assembly *a, uint32_t zone) {
+    const palp_zones *z = a->zones;
+    const palp_zone_part *part = &z->part[zone];
+    for (uint32_t n = 0; n < z->blob[zone].meta->nodes; n++)
+        a->node[zone][n] = (palp_zone_node){.on_seam = PALP_NONE};
+    for (uint32_t k = part->seams; k-- > 0u;) {
+        const uint32_t s = part->seam[k], side = palp_zone_is_second(z, s, zone) ? 1u : 0u;
+        for (uint32_t i = z->seam[s].nodes; i-- > 0u;)
+            a->node[zone][z->seam_node[s][2u * i + side]].on_seam = k << 24u | i;
+    }
+}
+
 palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
                                void *memory, size_t bytes) {
     palp_assembly *a = assembly;
@@ -89,9 +102,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     lay_out(a, &arena);
     a->settled = 0;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] = a->carried[i] = a->total[i] = 0.0f;
-    for (uint32_t i = 0; i < zones->meta->zones; i++) {
-        for (uint32_t n = 0; n < zones->blob[i].meta->nodes; n++) a->moved[i][n].when = 0;
-    }
+    for (uint32_t i = 0; i < zones->meta->zones; i++) list_nodes(a, i);
     palp_assembly_unload(a);
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         if (a->sag[i] != NULL) make_sag(a, i);
@@ -201,25 +212,37 @@ float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
     return modes;
 }
 
-float palp_assembly_lookup(const palp_assembly *assembly, uint32_t zone) {
+void palp_assembly_push(const palp_assembly *assembly, uint32_t level, uint32_t zone, uint32_t node,
+                        float weight, palp_vec3 d, float *felt) {
     const palp_zones *z = assembly->zones;
-    uint32_t nodes = 0;
-    for (uint32_t k = 0; k < z->part[zone].seams; k++)
-        nodes += z->seam[z->part[zone].seam[k]].nodes;
-    return 0.5f * (float)nodes;
+    const uint32_t at = assembly->node[zone][node].on_seam;
+    if (!palp_node_is_fixed(&z->blob[zone], node))
+        palp_zone_feel(z, level, zone, node, weight, d, felt);
+    else if (at != PALP_NONE)
+        palp_zone_feel_seam(z, level, zone, at >> 24u, at & 0xffffffu, palp_scale(weight, d), felt);
+}
+
+palp_vec3 palp_assembly_follow(const palp_assembly *assembly, uint32_t level, uint32_t zone,
+                               uint32_t node, const float *u) {
+    const palp_zones *z = assembly->zones;
+    const uint32_t at = assembly->node[zone][node].on_seam;
+    if (!palp_node_is_fixed(&z->blob[zone], node)) return palp_zone_follow(z, level, zone, node, u);
+    if (at == PALP_NONE) return (palp_vec3){0.0f, 0.0f, 0.0f};
+    return palp_zone_follow_seam(z, level, zone, at >> 24u, at & 0xffffffu, u);
 }
 
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
     palp_assembly *a = assembly;
     const palp_blob *b = &a->zones->blob[zone];
-    palp_node_bent *kept = &a->moved[zone][node];
+    palp_zone_node *kept = &a->node[zone][node];
     if (kept->when == a->settled) return kept->u_m;
-    palp_vec3 u = palp_zone_follow(a->zones, a->extent, zone, node, a->bent[zone]);
+    palp_vec3 u = palp_assembly_follow(a, a->extent, zone, node, a->bent[zone]);
     if (a->sag[zone] != NULL && !palp_node_is_fixed(b, node) &&
         palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
         u = palp_add(u, palp_rotate(a->sag[zone] + 9u * (size_t)palp_node_slot(b, node),
                                     palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
-    *kept = (palp_node_bent){u, a->settled};
+    kept->u_m = u;
+    kept->when = a->settled;
     a->seams.work_done += 40u + 9u * (uint64_t)palp_assembly_modes(a, zone);
     return u;
 }

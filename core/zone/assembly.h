@@ -23,28 +23,30 @@
 
 #include "core/zone/seams.h"
 
-/* How far all that is there without contact moves a node (its zone's frame), as of a settling. */
+/* What is kept of a node: how far all that is there without contact moves it (its zone's frame), as
+ * of a settling; and which node of which of the zone's seams it is. */
 typedef struct {
     palp_vec3 u_m;
     uint32_t when;
-} palp_node_bent;
+    uint32_t on_seam; /* seam << 24 | node; PALP_NONE */
+} palp_zone_node;
 
 typedef struct {
     const palp_zones *zones;
     palp_seams seams;
     palp_posture *posture;
-    float length_m;                   /* of the largest seam */
-    palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
-    palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
-    float *sag[PALP_MAX_ZONES];       /* [free slots][9] by unit acceleration; NULL: unknown */
-    float *field;                     /* [most free slots][4], for opening */
-    float *w;                         /* seams without contact */
-    float *carried;                   /* what a change of level is still held back by, like w */
-    float *load, *total, *kept;       /* vectors over the seams */
-    float *pushed[PALP_MAX_ZONES];    /* [M][3] H^T f of the load on each zone */
-    float *bent[PALP_MAX_ZONES];      /* [M][3] of each zone without contact, its frame */
-    palp_node_bent *moved[PALP_MAX_ZONES]; /* [nodes] */
-    uint32_t settled;                      /* settlings so far */
+    float length_m;                       /* of the largest seam */
+    palp_frame world[PALP_MAX_ZONES];     /* zone -> world */
+    palp_vec3 gravity_m_s2;               /* world; set by palp_assembly_gravity */
+    float *sag[PALP_MAX_ZONES];           /* [free slots][9] by unit acceleration; NULL: unknown */
+    float *field;                         /* [most free slots][4], for opening */
+    float *w;                             /* seams without contact */
+    float *carried;                       /* what a change of level is still held back by, like w */
+    float *load, *total, *kept;           /* vectors over the seams */
+    float *pushed[PALP_MAX_ZONES];        /* [M][3] H^T f of the load on each zone */
+    float *bent[PALP_MAX_ZONES];          /* [M][3] of each zone without contact, its frame */
+    palp_zone_node *node[PALP_MAX_ZONES]; /* [nodes] */
+    uint32_t settled;                     /* settlings so far */
     uint32_t level;  /* of the factor in use; PALP_DIAGONAL: the approximation */
     uint32_t extent; /* level beyond which w, and what is carried, is zero */
 } palp_assembly;
@@ -84,12 +86,16 @@ void palp_assembly_relax(palp_assembly *assembly, float share);
 
 /* Modes of a zone's seams on the finest level. */
 float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone);
-/* What it takes to find a node on a zone's seams, in such modes: half the nodes there. */
-float palp_assembly_lookup(const palp_assembly *assembly, uint32_t zone);
 
 /* How far a node is moved without contact (zone's frame, m): by the seams and by gravity. Kept
  * until the next settling; before that 9 a mode of the finest level, and 9. */
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node);
+
+/* palp_zone_feel and palp_zone_follow; where a node is on a seam is known here. */
+void palp_assembly_push(const palp_assembly *assembly, uint32_t level, uint32_t zone, uint32_t node,
+                        float weight, palp_vec3 d, float *felt);
+palp_vec3 palp_assembly_follow(const palp_assembly *assembly, uint32_t level, uint32_t zone,
+                               uint32_t node, const float *u);
 
 /* Where a node is without contact, and its rest normal, turned (world, m). */
 palp_vec3 palp_assembly_place(palp_assembly *assembly, uint32_t zone, uint32_t node);

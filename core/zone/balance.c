@@ -166,11 +166,17 @@ void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint
         return;
     }
     uint32_t k, n;
-    if (!find_on_seam(zones, zone, node, &k, &n)) return;
+    if (find_on_seam(zones, zone, node, &k, &n))
+        palp_zone_feel_seam(zones, level, zone, k, n, f, felt);
+}
+
+void palp_zone_feel_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
+                         uint32_t i, palp_vec3 f, float *felt) {
+    const palp_zone_part *part = &zones->part[zone];
     const palp_seam_entry *e = &zones->seam[part->seam[k]];
-    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)n * e->modes;
-    for (uint32_t i = 0; i < e->level_modes[level]; i++)
-        put(felt, part->first[k] + i, palp_madd(at(felt, part->first[k] + i), mode[i], f));
+    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
+    for (uint32_t m = 0; m < e->level_modes[level]; m++)
+        put(felt, part->first[k] + m, palp_madd(at(felt, part->first[k] + m), mode[m], f));
 }
 
 void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
@@ -201,12 +207,9 @@ palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zon
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
     if (palp_node_is_fixed(b, node)) {
         uint32_t k, n;
-        if (!find_on_seam(zones, zone, node, &k, &n)) return sum;
-        const palp_seam_entry *e = &zones->seam[part->seam[k]];
-        const float *mode = zones->seam_mode[part->seam[k]] + (size_t)n * e->modes;
-        for (uint32_t i = 0; i < e->level_modes[level]; i++)
-            sum = palp_madd(sum, mode[i], at(u, part->first[k] + i));
-        return sum;
+        return find_on_seam(zones, zone, node, &k, &n)
+                   ? palp_zone_follow_seam(zones, level, zone, k, n, u)
+                   : sum;
     }
     const float *follow =
         part->follow + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
@@ -215,6 +218,17 @@ palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zon
         for (uint32_t i = part->first[k]; i < end; i++)
             sum = palp_add(sum, palp_rotate(follow + 9u * i, at(u, i)));
     }
+    return sum;
+}
+
+palp_vec3 palp_zone_follow_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
+                                uint32_t i, const float *u) {
+    const palp_zone_part *part = &zones->part[zone];
+    const palp_seam_entry *e = &zones->seam[part->seam[k]];
+    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
+    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
+    for (uint32_t m = 0; m < e->level_modes[level]; m++)
+        sum = palp_madd(sum, mode[m], at(u, part->first[k] + m));
     return sum;
 }
 

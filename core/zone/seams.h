@@ -126,6 +126,10 @@ void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t
  */
 void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
                     float weight, palp_vec3 d, float *felt);
+/* The same of a force f at the i-th node of the zone's k-th seam, where that is known: the others
+ * look through all nodes of its seams for it. */
+void palp_zone_feel_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
+                         uint32_t i, palp_vec3 f, float *felt);
 
 /* r += T of what a zone's seams feel, on `level`. With posture NULL: in the rest posture. */
 void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
@@ -178,6 +182,8 @@ void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_
  * being zero. 9 a mode; of a node on a seam 3 a mode of that. */
 palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
                            const float *u);
+palp_vec3 palp_zone_follow_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
+                                uint32_t i, const float *u);
 
 /* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */
 float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
