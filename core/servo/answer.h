@@ -8,11 +8,12 @@
  * the start or in the middle of a tick, because the machine was busy with something else, the level
  * stays: the tick goes on as the last contact foresees (haptic/coupling.h), and the next one solves
  * again. Only when time has been missing for PALP_ANSWER_PATIENCE_S does the level give way, fewer
- * points first; it comes back when ticks have had time for PALP_ANSWER_CALM_S, twice as late each
- * time that it did not last.
+ * points first, then fewer modes; it comes back when ticks have had time for PALP_ANSWER_CALM_S,
+ * twice as late each time that it did not last.
  *
  * Of a multizone model a tick first keeps the seams up with the posture (moving.h), on the finest
- * level that leaves time for the contact.
+ * level that leaves time for the contact. The least answer has time for one pair of zones that
+ * touch each other; on the coarsest level those that there is no time for are left out.
  */
 #ifndef PALP_SERVO_ANSWER_H
 #define PALP_SERVO_ANSWER_H
