@@ -330,11 +330,12 @@ static void swap_ticks(palp_contact *c) {
 
 /* The sides of one body that come one behind the other. */
 static void add_to_run(palp_contact *c, uint32_t body, uint32_t side) {
-    palp_contact_run *last = c->runs > 0u ? &c->run[c->runs - 1u] : NULL;
-    const bool other = side == c->count; /* those of points end here */
-    if (last != NULL && last->body == body && last->end == side && !other) {
-        last->end = side + 1u;
-        return;
+    if (c->runs > 0u && side != c->count) { /* where those of points end */
+        palp_contact_run *last = &c->run[c->runs - 1u];
+        if (last->body == body && last->end == side) {
+            last->end = side + 1u;
+            return;
+        }
     }
     c->run[c->runs++] = (palp_contact_run){body, side, side + 1u};
 }

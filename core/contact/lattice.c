@@ -51,12 +51,6 @@ static const palp_frame *frame_of(const palp_lattice_room *r, uint32_t body) {
     return &r->frame[body - r->first_body];
 }
 
-/* Whether a point of the last tick is of this patch: its number may have been another pair's. */
-static bool is_of(const palp_lattice_room *r, const palp_contact_point *p) {
-    return p->patch == r->number && p->at.body >= r->first_body &&
-           p->at.body - r->first_body < r->bodies;
-}
-
 /* From a body's frame to the world: places and directions; and back. */
 static palp_vec3 out_of(const palp_lattice_room *r, uint32_t body, palp_vec3 x) {
     return r->frame != NULL ? palp_carry(frame_of(r, body), x) : x;
@@ -311,7 +305,7 @@ static void want_pressed(const filling *f) {
     for (uint32_t k = 0; k < r->count_before && left > 0u; k++) {
         const palp_contact_point *p = &r->before[k];
         int32_t place[2];
-        if (!is_of(r, p) || !(p->force_N > 0.0f)) continue;
+        if (p->patch != r->number || !(p->force_N > 0.0f)) continue;
         left--;
         r->done->evaluations++; /* it costs less */
         if (!nearest_place(f, place_of(r, &p->at), place)) continue;
@@ -569,7 +563,8 @@ static void add_bent(filling *f, palp_given_sums *sums, uint32_t body, uint32_t 
 /* What a visit of nodes finds besides. */
 typedef struct {
     purpose of;
-    palp_vec3 c; /* about which nodes are looked at */
+    palp_vec3 c;         /* about which nodes are looked at */
+    float bent_within_m; /* gap up to which a node says how its zone is bent */
     watch_list next;
     palp_given_sums bent;
 } visit;
@@ -585,8 +580,7 @@ static void visit_node(filling *f, visit *v, uint32_t body, uint32_t node) {
     r->done->around++;
     if (palp_dot(off, off) > r->reach_m * r->reach_m) return;
     palp_gap gap = gap_of(f, palp_add(v->c, off));
-    const float narrow = (1.0f - f->l->narrowed) * r->size_m;
-    if (v->of == MEASURE && surface->assembly != NULL && gap.gap_m < narrow)
+    if (gap.gap_m < v->bent_within_m)
         add_bent(f, &v->bent, body, node, off, palp_max(gap.gap_m / r->size_m, 0.0f));
     if (gap.gap_m > f->far_m) return;
     palp_vec3 n = turned_out(r, body, palp_vec3_at(b->normal + 3u * (size_t)node));
@@ -629,7 +623,9 @@ static bool is_in_reach(const palp_lattice_room *r, uint32_t body, palp_vec3 c) 
 /* Each node near the tool that faces it. */
 static void visit_nodes(filling *f, purpose of) {
     const palp_lattice_room *r = f->r;
-    visit v = {.of = of, .c = f->moved_m};
+    visit v = {.of = of, .c = f->moved_m, .bent_within_m = -1e30f};
+    if (of == MEASURE && r->surface[0].assembly != NULL)
+        v.bent_within_m = (1.0f - f->l->narrowed) * r->size_m;
     if (r->other != NULL) v.c = palp_add(v.c, f->l->at.origin_m);
     for (uint32_t b = 0; b < r->bodies; b++) {
         if (r->bodies == 1u || is_in_reach(r, r->first_body + b, v.c))
@@ -848,7 +844,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     }
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];
-        if (is_of(r, p) && p->active && !is_known(f, place_of(r, &p->at)))
+        if (p->patch == r->number && p->active && !is_known(f, place_of(r, &p->at)))
             (void)fill_region(f, &p->at);
     }
     visit_nodes(f, SEEK);

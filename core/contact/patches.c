@@ -117,6 +117,16 @@ static palp_contact_patch *find(palp_contact *c, uint32_t body, uint32_t other) 
     return NULL;
 }
 
+/* The points that a patch had when it was another pair's. */
+static void forget_points(palp_contact *c, uint32_t patch) {
+    for (uint32_t i = 0; i < c->count_before; i++) {
+        palp_contact_point *p = &c->before[i];
+        if (p->patch != patch) continue;
+        p->active = false;
+        p->force_N = 0.0f;
+    }
+}
+
 /* A patch that is not in use, as new; NULL if there is none. */
 static palp_contact_patch *take(palp_contact *c, uint32_t body, uint32_t other) {
     for (uint32_t k = c->tool_count; k < c->patches; k++) {
@@ -131,6 +141,7 @@ static palp_contact_patch *take(palp_contact *c, uint32_t body, uint32_t other) 
                                   .table_before = before};
         palp_lattice_clear(table);
         palp_lattice_clear(before);
+        forget_points(c, k);
         return p;
     }
     c->flags |= PALP_CONTACT_FULL;
