@@ -88,30 +88,6 @@ palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column) {
     return PALP_OK;
 }
 
-/* Rotates rows p and q so that q[0] becomes 0; both have n entries. */
-static void givens(float *restrict p, float *restrict q, size_t n) {
-    float h = palp_sqrt(p[0] * p[0] + q[0] * q[0]);
-    float c = p[0] / h;
-    float s = q[0] / h;
-    for (size_t k = 0; k < n; k++) {
-        float t = c * p[k] + s * q[k];
-        q[k] = c * q[k] - s * p[k];
-        p[k] = t;
-    }
-}
-
-void palp_chol_remove(float *r, size_t n, size_t stride, size_t index) {
-    for (size_t i = 0; i < n; i++) {
-        /* Row i > index keeps its old diagonal as a sub-diagonal entry, one place to the left. */
-        for (size_t k = i > index ? i - 1 : index; k + 1 < n; k++) {
-            r[i * stride + k] = r[i * stride + k + 1];
-        }
-    }
-    for (size_t i = index; i + 1 < n; i++) {
-        givens(r + i * stride + i, r + (i + 1) * stride + i, n - 1 - i);
-    }
-}
-
 void palp_chol_forward(const float *r, size_t n, size_t stride, float *b) {
     for (size_t j = 0; j < n; j++) {
         const float *row = r + j * stride;

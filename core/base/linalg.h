@@ -30,11 +30,6 @@ palp_status palp_chol_factor(float *a, size_t n, size_t stride);
  */
 palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column);
 
-/* Shrinks R (n x n) by row and column `index` of C, with n - index Givens rotations. At most 2.5
- * n^2.
- */
-void palp_chol_remove(float *r, size_t n, size_t stride, size_t index);
-
 /* b := C^-1 b. n^2. */
 void palp_chol_solve(const float *r, size_t n, size_t stride, float *b);
 

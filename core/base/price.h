@@ -13,7 +13,7 @@
     X(BALL, "ball", "one ball of a tool evaluated at a node")                                      \
     X(PAD, "pad", "a pad evaluated")                                                               \
     X(CYLINDER, "cylinder", "a cylinder evaluated")                                                \
-    X(ROOM, "room", "one spot looked at to make room")                                             \
+    X(ROOM, "room", "one contact point looked at to make room")                                    \
     X(ROW, "row", "a row of W^-1 begun")                                                           \
     X(ROW_WORD, "row_word", "one word of marks scanned")                                           \
     X(ROW_MARK, "row_mark", "one marked slot visited")                                             \

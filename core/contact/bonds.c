@@ -56,7 +56,7 @@ void palp_contact_bond(palp_contact *contact) {
 static void add_products(const palp_contact *c, const float *y, uint32_t side, uint32_t first,
                          uint32_t end, float sign, float *restrict row) {
     const palp_seams *q = &c->assembly->seams;
-    const uint32_t level = palp_seams_factor((palp_seams *)(uintptr_t)q)->level;
+    const uint32_t level = palp_seams_factor(q)->level;
     const size_t stride = c->side_room;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         if ((c->seam_touched >> s & 1u) == 0u) continue;
@@ -128,11 +128,11 @@ void palp_contact_load(palp_contact *contact) {
         for (uint32_t i = 0; i < points; i++) {
             const palp_contact_point *p = &point[i];
             const palp_contact_patch *patch = &c->patch[p->patch];
-            const bool pair = patch->tool == PALP_CONTACT_TOOLS;
-            if (!(p->force_N > 0.0f) || (p->at.body != b && !(pair && patch->other == b))) continue;
-            if (p->at.body == b) feel(c, finest, b, &p->at, palp_scale(p->force_N, p->m));
-            if (pair && patch->other == b)
-                feel(c, finest, b, &facing[i].at, palp_scale(p->force_N, facing[i].m));
+            const bool here = p->at.body == b;
+            const bool there = patch->tool == PALP_CONTACT_TOOLS && patch->other == b;
+            if (!(p->force_N > 0.0f) || !(here || there)) continue;
+            const palp_surface_point *at = here ? &p->at : &facing[i].at;
+            feel(c, finest, b, at, palp_scale(p->force_N, here ? p->m : facing[i].m));
             any = true;
         }
         if (any) palp_assembly_load(c->assembly, b, c->felt);

@@ -223,7 +223,7 @@ static palp_vec3 displacement(palp_contact *c, uint32_t side, palp_vec3 f) {
             by = palp_madd(by, scale * (1.0f - 0.5f * h.poisson), f);
             by = palp_madd(by, -scale * 0.5f * h.poisson * along, at->n);
         }
-        u = c->assembly != NULL ? palp_madd(u, h.factor, by) : palp_scale(h.factor, by);
+        u = palp_madd(u, h.factor, by);
         c->work_done += 50u * (uint64_t)(in->end - in->first);
     }
     for (uint32_t k = 0; k < 3u; k++)

@@ -2,305 +2,19 @@
 #include "core/contact/contact.h"
 #include "core/base/linalg.h"
 #include "core/contact/contact_internal.h"
-#include "core/contact/facing.h"
 
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
 #define MOST_SHARE 2.0f
-#define ZONE_CELLS 16u /* on the coarse levels of multizone models */
-#define STEADY 30.0f   /* ticks that a force beyond at its limit takes to come through */
-#define SLOWLY 4.0f    /* a step of the force beyond counts so many times against a cell */
+#define STEADY 30.0f /* ticks that a force beyond at its limit takes to come through */
+#define SLOWLY 4.0f  /* a step of the force beyond counts so many times against a cell */
 /* How far a tool whose contact was missed is put forward, over its size: first, and then. */
 #define NEAR 0.02f
 #define FAR 0.1f
-#define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
-#define PAIR_SIZE 2.0f      /* of zones that touch, in place of a tool's: edges */
-#define BLOCK_CHANGES 6u    /* iterations that change many points at once; then one at a time */
+#define PAIR_SIZE 2.0f   /* of zones that touch, in place of a tool's: edges */
+#define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
 
-/* ---- life ---- */
-
-palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
-    static const uint32_t cells[PALP_CONTACT_LEVELS] = {6, 6, 6, 20, 40};
-    static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1};
-    static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 36, 72};
-    uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
-    return (palp_contact_level){level, cells[level], 3u * cells[level] + 2u, contacts[level], m};
-}
-
-palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes) {
-    palp_contact_level l = palp_contact_level_of(level, modes);
-    if (level >= PALP_CONTACT_FINEST) return l;
-    return (palp_contact_level){level, ZONE_CELLS, 3u * ZONE_CELLS + 2u, 2u * ZONE_CELLS, l.modes};
-}
-
-static palp_contact_level level_of(const palp_contact *c, uint32_t level) {
-    return c->assembly != NULL ? palp_contact_level_of_zones(level, c->modes)
-                               : palp_contact_level_of(level, c->modes);
-}
-
-static uint32_t room_of(const palp_contact *c, uint32_t finest) {
-    uint32_t most = 0;
-    for (uint32_t l = 0; l <= finest; l++) {
-        uint32_t points = level_of(c, l).points;
-        if (points > most) most = points;
-    }
-    return most;
-}
-
-static uint32_t zone_modes(const palp_assembly *a) {
-    uint32_t most = 0;
-    for (uint32_t z = 0; z < a->zones->meta->zones; z++)
-        most = a->zones->zone[z].modes > most ? a->zones->zone[z].modes : most;
-    return most;
-}
-
-static void lay_out(palp_contact *c, palp_arena *arena) {
-    const uint32_t modes = c->modes;
-    c->side_room = ((c->pairs ? 2u * c->room : c->room) + LANES - 1u) / LANES * LANES;
-    const uint32_t room = c->room, sides = c->side_room;
-    const uint32_t padded = sides / LANES * LANES + LANES * c->bodies;
-    c->surface = palp_take(arena, c->bodies, sizeof *c->surface);
-    c->frame_before = palp_take(arena, c->assembly != NULL ? c->bodies : 0u, sizeof(palp_frame));
-    c->closest =
-        palp_take(arena, c->pairs ? c->bodies * (c->bodies - 1u) / 2u : 0u, sizeof *c->closest);
-    c->beyond = palp_take(arena, c->assembly != NULL ? c->bodies : 0u, sizeof *c->beyond);
-    for (uint32_t b = 0; b < c->bodies && c->assembly != NULL; b++) {
-        const size_t triangles = c->assembly->zones->blob[b].meta->triangles;
-        uint32_t *table = palp_take(arena, 3u * triangles, sizeof *table);
-        if (arena->base != NULL) c->beyond[b] = table;
-    }
-    c->patch = palp_take(arena, c->patches, sizeof *c->patch);
-    c->point = palp_take(arena, room, sizeof *c->point);
-    c->before = palp_take(arena, room, sizeof *c->before);
-    c->facing = palp_take(arena, c->pairs ? room : 0u, sizeof *c->facing);
-    c->facing_before = palp_take(arena, c->pairs ? room : 0u, sizeof *c->facing);
-    for (uint32_t k = 0; k < c->patches; k++) {
-        palp_lattice_table *table = palp_take(arena, 2u, sizeof *table);
-        if (arena->base == NULL) continue;
-        c->patch[k].table = table;
-        c->patch[k].table_before = table + 1u;
-    }
-    c->side_point = palp_take(arena, sides, sizeof *c->side_point);
-    c->other_side = palp_take(arena, room, sizeof *c->other_side);
-    c->node = palp_take(arena, 3u * sides, sizeof *c->node);
-    c->node_body = palp_take(arena, 3u * sides, sizeof *c->node_body);
-    c->node_u_m = palp_take(arena, 3u * sides, sizeof *c->node_u_m);
-    c->node_bent_m = palp_take(arena, 3u * sides, sizeof *c->node_bent_m);
-    c->node_slot = palp_take(arena, PALP_CONTACT_NODE_SLOTS, sizeof *c->node_slot);
-    c->corner = palp_take(arena, sides, sizeof *c->corner);
-    c->run = palp_take(arena, sides, sizeof *c->run); /* no more than there are sides */
-    for (uint32_t k = 0; k < 11u; k++) c->column[k] = palp_take(arena, sides, sizeof(float));
-    for (uint32_t k = 0; k < 11u; k++) c->pressed[k] = palp_take(arena, padded, sizeof(float));
-    c->pressed_side = palp_take(arena, padded, sizeof(uint16_t));
-    c->pressed_of = palp_take(arena, c->bodies, sizeof *c->pressed_of);
-    c->mode = palp_take(arena, (size_t)modes * sides, sizeof(float));
-    c->load = palp_take(arena, modes, sizeof(float));
-    for (uint32_t k = 0; k < 2u; k++) c->side_row[k] = palp_take(arena, sides, sizeof(float));
-    c->g = palp_take(arena, (size_t)room * room, sizeof(float));
-    c->factor = palp_take(arena, (size_t)room * room, sizeof(float));
-    c->target = palp_take(arena, room, sizeof(float));
-    c->lambda = palp_take(arena, room, sizeof(float));
-    c->scratch = palp_take(arena, room + 1u, sizeof(float));
-    c->active = palp_take(arena, room, sizeof(uint32_t));
-    if (c->assembly == NULL) return;
-    const size_t width = 3u * (size_t)c->assembly->seams.modes;
-    c->seam = palp_take(arena, 2u * width * sides, sizeof(float));
-    c->felt = palp_take(arena, 3u * (size_t)zone_modes(c->assembly), sizeof(float));
-    c->answer = palp_take(arena, 2u * width, sizeof(float));
-}
-
-size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
-    palp_arena arena = {0};
-    palp_contact c = {.bodies = 1u,
-                      .patches = tool_count,
-                      .tool_count = tool_count,
-                      .modes = blob->regular.modes};
-    if (finest >= PALP_CONTACT_LEVELS || tool_count > PALP_CONTACT_TOOLS) return 0;
-    c.room = room_of(&c, finest);
-    lay_out(&c, &arena);
-    return arena.used;
-}
-
-size_t palp_contact_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
-                                  uint32_t finest) {
-    palp_arena arena = {0};
-    const palp_zones *z = assembly->zones;
-    palp_contact c = {.assembly = (palp_assembly *)(uintptr_t)assembly,
-                      .pairs = pairs,
-                      .bodies = z->meta->zones,
-                      .patches = tool_count + (pairs ? PALP_CONTACT_PAIRS : 0u),
-                      .tool_count = tool_count,
-                      .modes = z->blob[0].regular.modes};
-    if (finest >= PALP_CONTACT_LEVELS || tool_count > PALP_CONTACT_TOOLS) return 0;
-    c.room = room_of(&c, finest);
-    lay_out(&c, &arena);
-    return arena.used;
-}
-
-static palp_status check(const palp_tool *tools, uint32_t tool_count, const void *memory,
-                         size_t bytes, size_t need) {
-    if (tool_count < 1u || tool_count > PALP_CONTACT_TOOLS) return PALP_ERR_ARGUMENT;
-    for (uint32_t t = 0; t < tool_count; t++) {
-        if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
-    }
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    return bytes < need ? PALP_ERR_MEMORY : PALP_OK;
-}
-
-static void start(palp_contact *c) {
-    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
-    c->nodes = 0;
-    palp_contact_clear(c);
-}
-
-palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
-                              uint32_t tool_count, uint32_t finest, void *memory, size_t bytes) {
-    palp_arena arena = {.base = memory};
-    palp_surface surface;
-    if (finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
-    palp_status status = palp_surface_open(&surface, blob);
-    if (status != PALP_OK) return status;
-    status =
-        check(tools, tool_count, memory, bytes, palp_contact_memsize(blob, tool_count, finest));
-    if (status != PALP_OK) return status;
-    palp_contact *c = contact;
-    *c = (palp_contact){.tools = tools,
-                        .tool_count = tool_count,
-                        .bodies = 1u,
-                        .patches = tool_count,
-                        .modes = blob->regular.modes,
-                        .now = finest};
-    c->room = room_of(c, finest);
-    c->level = level_of(c, finest);
-    lay_out(c, &arena);
-    c->surface[0] = surface;
-    start(c);
-    return PALP_OK;
-}
-
-palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
-                                    const palp_tool *tools, uint32_t tool_count, uint32_t finest,
-                                    void *memory, size_t bytes) {
-    palp_arena arena = {.base = memory};
-    palp_contact *c = contact;
-    const palp_zones *z = assembly->zones;
-    if (finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
-    for (uint32_t i = 0; i < z->meta->zones; i++) {
-        palp_surface surface;
-        palp_status status = palp_surface_open_zone(&surface, assembly, i);
-        if (status != PALP_OK) return status;
-        if (surface.blob->regular.modes != z->blob[0].regular.modes) return PALP_ERR_ARGUMENT;
-    }
-    palp_status status = check(tools, tool_count, memory, bytes,
-                               palp_contact_memsize_zones(assembly, pairs, tool_count, finest));
-    if (status != PALP_OK) return status;
-    *c = (palp_contact){.assembly = assembly,
-                        .pairs = pairs,
-                        .tools = tools,
-                        .tool_count = tool_count,
-                        .bodies = z->meta->zones,
-                        .patches = tool_count + (pairs ? PALP_CONTACT_PAIRS : 0u),
-                        .modes = z->blob[0].regular.modes,
-                        .now = finest};
-    c->room = room_of(c, finest);
-    lay_out(c, &arena);
-    for (uint32_t i = 0; i < c->bodies; i++)
-        (void)palp_surface_open_zone(&c->surface[i], assembly, i);
-    c->frame = assembly->world;
-    palp_contact_open_patches(c);
-    c->level = level_of(c, finest);
-    start(c);
-    return PALP_OK;
-}
-
-void palp_contact_clear(palp_contact *contact) {
-    palp_contact *c = contact;
-    for (uint32_t k = 0; k < c->patches; k++) {
-        palp_contact_patch *p = &c->patch[k];
-        palp_lattice_table *table = p->table, *before = p->table_before;
-        *p = (palp_contact_patch){.table = table, .table_before = before};
-        palp_lattice_clear(table);
-        palp_lattice_clear(before);
-    }
-    for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
-        c->normal_N[t] = 0.0f;
-    }
-    for (uint32_t m = 0; m < PALP_LATTICE_FAR_MODES; m++) c->far_load[m] = 0.0f;
-    c->count = c->count_before = c->active_count = 0;
-    c->energy_J = 0.0f;
-    c->solved = false;
-    c->crowd = 1.0f;
-}
-
-/* ---- points ---- */
-
-static int16_t nearest(float x) {
-    x = palp_clamp(x, -16000.0f, 16000.0f);
-    return (int16_t)(x + (x >= 0.0f ? 0.5f : -0.5f));
-}
-
-/* The contact point of the last tick at the same place of the lattice, or next to it; NULL if
- * there is none. */
-static const palp_contact_point *last_of(const palp_contact *c, const palp_contact_point *p,
-                                         bool *same) {
-    static const int16_t step[7][2] = {{0, 0}, {1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
-    const palp_contact_patch *patch = &c->patch[p->patch];
-    const float before = patch->spacing_before;
-    float scale = before > 0.0f ? patch->lattice.used.spacing / before : 1.0f;
-    const bool changed = palp_abs(scale - 1.0f) > OTHER_LATTICE;
-    if (!changed) scale = 1.0f;
-    const int16_t i = nearest(scale * (float)p->i), j = nearest(scale * (float)p->j);
-    for (uint32_t k = 0; k < 7u; k++) {
-        uint32_t at = palp_lattice_find(patch->table_before, (int16_t)(i + step[k][0]),
-                                        (int16_t)(j + step[k][1]));
-        *same = k == 0u && !changed;
-        if (at >= c->count_before) continue;
-        const palp_contact_point *q = &c->before[at];
-        /* the table of a patch that was left out is an older one */
-        if (q->patch == p->patch && q->i == (int16_t)(i + step[k][0]) &&
-            q->j == (int16_t)(j + step[k][1]))
-            return q;
-    }
-    return NULL;
-}
-
-/* ---- corners ---- */
-
-static uint32_t slot_of_node(const palp_contact *c, uint32_t body, uint32_t node) {
-    uint32_t slot = ((node + 65536u * body) * 2654435761u) >> 22u;
-    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) {
-        uint32_t at = (slot + k) & (PALP_CONTACT_NODE_SLOTS - 1u), n = c->node_slot[at];
-        if (n == 0u || (c->node[n - 1u] == node && c->node_body[n - 1u] == body)) return at;
-    }
-    return 0u;
-}
-
-static void forget_nodes(palp_contact *c) {
-    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
-    c->nodes = 0;
-}
-
-/* Lists the corners of a side; returns how its place is bent. */
-static palp_vec3 list_corners(palp_contact *c, uint32_t side, uint32_t body,
-                              const palp_surface_point *at) {
-    const palp_surface *surface = &c->surface[body];
-    const uint32_t *v = surface->blob->triangle + 3u * (size_t)at->triangle;
-    palp_vec3 bent = {0};
-    for (uint32_t k = 0; k < 3u; k++) {
-        uint32_t slot = slot_of_node(c, body, v[k]);
-        if (c->node_slot[slot] == 0u) {
-            c->node_bent_m[c->nodes] = palp_surface_bent(surface, v[k]);
-            c->node_body[c->nodes] = body;
-            c->node[c->nodes++] = v[k];
-            c->node_slot[slot] = (uint16_t)c->nodes;
-        }
-        c->corner[side][k] = (uint16_t)(c->node_slot[slot] - 1u);
-        if (surface->assembly != NULL)
-            bent = palp_madd(bent, at->weight[k], c->node_bent_m[c->corner[side][k]]);
-    }
-    return bent;
-}
+/* ---- filling ---- */
 
 /* A tick that was given up before its end leaves nothing to go on from. */
 static void swap_ticks(palp_contact *c) {
@@ -326,119 +40,6 @@ static void swap_ticks(palp_contact *c) {
     }
 }
 
-/* ---- sides ---- */
-
-/* The sides of one body that come one behind the other. */
-static void add_to_run(palp_contact *c, uint32_t body, uint32_t side) {
-    if (c->runs > 0u && side != c->count) { /* where those of points end */
-        palp_contact_run *last = &c->run[c->runs - 1u];
-        if (last->body == body && last->end == side) {
-            last->end = side + 1u;
-            return;
-        }
-    }
-    c->run[c->runs++] = (palp_contact_run){body, side, side + 1u};
-}
-
-/* Puts one side of a point among the others, with the unit load along m on its body. */
-static void add_side(palp_contact *c, uint32_t point, uint32_t side, uint32_t body,
-                     const palp_surface_point *at, palp_vec3 m) {
-    const palp_contact_point *p = &c->point[point];
-    const float of[11] = {at->y.x, at->y.y, at->y.z, at->n.x,   at->n.y,        at->n.z,
-                          m.x,     m.y,     m.z,     p->cell_m, (float)p->patch};
-    const uint32_t modes = c->level.modes;
-    for (uint32_t k = 0; k < 11u; k++) c->column[k][side] = of[k];
-    c->side_point[side] = (uint16_t)point;
-    add_to_run(c, body, side);
-    palp_surface_modes(&c->surface[body], at, m, modes, c->mode + side, c->side_room);
-    c->work_done += 120u + 9u * modes;
-}
-
-/* A triangle of the other zone near where a pair meets. */
-static uint32_t facing_of(const palp_contact *c, const palp_contact_patch *patch) {
-    return c->surface[patch->other].blob->regular.triangle[patch->before];
-}
-
-/* The direction and the place that a point of one zone meets another one in, where both have gone
- * together. */
-static void meet(palp_contact *c, uint32_t i) {
-    palp_contact_point *p = &c->point[i];
-    palp_contact_patch *patch = &c->patch[p->patch];
-    palp_contact_facing *z = &c->facing[i];
-    const palp_given *given = &patch->lattice.used.given;
-    uint32_t crossings = PALP_SURFACE_CROSSINGS;
-    uint32_t hint[2] = {patch->lattice.facing, facing_of(c, patch)};
-    float gone;
-    palp_vec3 beside = palp_given_beside(given, p->y, &gone);
-    palp_vec3 x = palp_add(p->y, palp_add(given->mean_m, beside));
-    palp_vec3 m = palp_scale(-1.0f, p->n);
-    z->at.body = patch->other;
-    z->found = palp_facing_find(&c->surface[patch->other], &c->frame[patch->other], x,
-                                patch->lattice.used.axis, &crossings, hint, &z->at);
-    if (z->found) m = palp_add(m, palp_contact_outward(c, patch->other, z->at.n));
-    p->out = palp_scale(1.0f / palp_max(palp_norm(m), 1e-6f), m);
-    z->m = palp_scale(-1.0f, palp_contact_inward(c, patch->other, p->out));
-    if (z->found) return;
-    const palp_frame *there = &c->frame[patch->other];
-    z->at.y = z->at.q = palp_carry_back(there, x);
-    z->at.n = palp_scale(-1.0f, z->m);
-    for (uint32_t k = 0; k < 3u; k++) z->at.weight[k] = 0.0f;
-    p->left_out = true;
-    p->active = false;
-    c->flags |= PALP_CONTACT_LOST;
-}
-
-/* The tool as a point sees it, about its last displacement. */
-static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
-    palp_contact_point *p = &c->point[i];
-    const palp_contact_patch *patch = &c->patch[p->patch];
-    const float stiffness = c->spring[patch->tool].stiffness_N_per_m;
-    palp_gap gap = palp_tool_gap(&c->tools[patch->tool], patch->tool_m, y);
-    palp_vec3 held = patch->held_m;
-    if (stiffness > 0.0f) held = palp_madd(held, 1.0f / stiffness, c->beyond_N[patch->tool]);
-    p->out = gap.normal;
-    c->target[i] = -gap.gap_m + palp_dot(p->out, palp_sub(held, patch->tool_m));
-}
-
-/* What is asked of a point. */
-static void linearise(palp_contact *c, uint32_t i) {
-    palp_contact_point *p = &c->point[i];
-    const palp_contact_patch *patch = &c->patch[p->patch];
-    const uint32_t body = p->at.body;
-    const bool pair = patch->tool == PALP_CONTACT_TOOLS;
-    bool same;
-    const palp_contact_point *last = last_of(c, p, &same);
-    const bool here = last != NULL && last->at.body == body;
-    p->u_m = here ? last->u_m : (palp_vec3){0};
-    p->active = last != NULL ? same && last->active : true;
-    p->left_out = false;
-    c->other_side[i] = 0;
-    palp_vec3 moved = list_corners(c, i, body, &p->at);
-    if (!pair) moved = palp_add(moved, p->u_m);
-    const palp_vec3 y = palp_add(p->y, palp_contact_outward(c, body, moved));
-    if (pair) {
-        meet(c, i);
-        c->target[i] = -palp_dot(p->out, y);
-    } else {
-        face(c, i, y);
-    }
-    p->m = palp_contact_inward(c, body, p->out);
-    if (!pair) c->target[i] += palp_dot(p->m, p->u_m);
-    add_side(c, i, i, body, &p->at, p->m);
-}
-
-/* The other side of a point between zones; it is asked that the two do not pass each other. */
-static void add_other_side(palp_contact *c, uint32_t i) {
-    const palp_contact_patch *patch = &c->patch[c->point[i].patch];
-    const palp_contact_facing *z = &c->facing[i];
-    const uint32_t side = c->sides++;
-    c->other_side[i] = (uint16_t)side;
-    palp_vec3 bent = list_corners(c, side, patch->other, &z->at);
-    add_side(c, i, side, patch->other, &z->at, z->m);
-    palp_vec3 there = palp_carry(&c->frame[patch->other], palp_add(z->at.y, bent));
-    c->target[i] += palp_dot(c->point[i].out, there);
-}
-
 float palp_contact_energy(const palp_contact *contact, float normal_N) {
     const palp_contact *c = contact;
     float all = 0.0f;
@@ -452,7 +53,7 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     const float energy = palp_contact_energy(c, patch->normal_N);
     if (!(energy > 0.0f)) return 0.0f;
     if (patch->tool == PALP_CONTACT_TOOLS) return 1.0f; /* where zones meet goes with them */
-    palp_vec3 moved = palp_sub(patch->tool_m, patch->rest_m);
+    palp_vec3 moved = palp_sub(patch->tool_m, c->rest_m[patch->tool]);
     moved = palp_sub(moved, palp_contact_carried(c, patch->tool));
     palp_vec3 force = palp_add(patch->push_N, c->beyond_N[patch->tool]);
     return palp_clamp(1.0f - 0.6f * palp_dot(force, moved) / energy, LEAST_SHARE, MOST_SHARE);
@@ -462,11 +63,11 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring) {
     palp_contact *c = contact;
     const float cells = (float)c->level.cells;
-    c->level = level_of(c, c->now);
+    c->level = palp_contact_level_at(c, c->now);
     for (uint32_t k = 0; k < c->patches && cells > 0.0f; k++)
         c->patch[k].lattice.at.spacing *= palp_sqrt(cells / (float)c->level.cells);
     swap_ticks(c);
-    forget_nodes(c);
+    palp_contact_forget_nodes(c);
     bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
     c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.002f * c->crowd, 1.0f);
     c->flags = c->row = c->iterations = c->most_active = c->active_count = 0;
@@ -474,7 +75,7 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     c->filling = c->fillings = c->first = c->runs = c->sides = 0;
     c->approached = false;
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->tool_m[t] = tool_m[t];
+        c->patch[t].tool_m = tool_m[t];
         c->spring[t] = spring[t];
     }
     palp_contact_place(c);
@@ -527,7 +128,7 @@ static palp_given given_for(const palp_contact *c, const palp_contact_patch *pat
     palp_given g = palp_given_times(&patch->given, c->given_share);
     if (c->assembly != NULL) g = together(g, &patch->bent);
     if (!(c->forward > 0.0f) || patch->tool == PALP_CONTACT_TOOLS) return g;
-    palp_vec3 pull = palp_sub(patch->held_m, patch->tool_m);
+    palp_vec3 pull = palp_sub(c->spring[patch->tool].held_m, patch->tool_m);
     float most = c->forward * palp_tool_size(&c->tools[patch->tool]), length = palp_norm(pull);
     if (length > most) pull = palp_scale(most / length, pull);
     g.mean_m = palp_sub(g.mean_m, pull);
@@ -578,7 +179,7 @@ bool palp_contact_fill(palp_contact *contact) {
         .tool = tool,
         .other = pair ? &c->surface[patch->other] : NULL,
         .other_frame = pair ? &c->frame[patch->other] : NULL,
-        .facing = pair ? facing_of(c, patch) : 0u,
+        .facing = pair ? palp_contact_other_triangle(c, patch) : 0u,
         .size_m = size_of(c, patch),
         .reach_m =
             pair ? PALP_CONTACT_PAIR_REACH / PAIR_SIZE * size_of(c, patch) : reach_of(c, tool),
@@ -620,17 +221,6 @@ bool palp_contact_fill(palp_contact *contact) {
         next_patch(c);
     }
     return c->filling < c->patches;
-}
-
-uint32_t palp_contact_points(palp_contact *contact) {
-    palp_contact *c = contact;
-    c->sides = c->count;
-    for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
-    for (uint32_t i = 0; i < c->count && c->pairs; i++) {
-        if (c->patch[c->point[i].patch].tool == PALP_CONTACT_TOOLS) add_other_side(c, i);
-    }
-    if (c->assembly != NULL) palp_contact_bond(c);
-    return c->count;
 }
 
 /* ---- the complementarity problem ---- */
@@ -850,10 +440,7 @@ void palp_contact_finish(palp_contact *contact) {
         if (c->patch[k].used) find_given(c, &c->patch[k], k);
     }
     palp_contact_exact(c);
-    for (uint32_t t = 0; t < c->tool_count; t++) {
-        end_tool(c, t, before_N[t]);
-        c->patch[t].rest_m = c->rest_m[t];
-    }
+    for (uint32_t t = 0; t < c->tool_count; t++) end_tool(c, t, before_N[t]);
     for (uint32_t b = 0; b < c->bodies && c->frame != NULL; b++) c->frame_before[b] = c->frame[b];
 }
 

@@ -54,7 +54,6 @@
 
 #define PALP_CONTACT_TOOLS 4u
 #define PALP_CONTACT_PAIRS 8u /* of zones that touch each other, at a time */
-#define PALP_CONTACT_PATCHES (PALP_CONTACT_TOOLS + PALP_CONTACT_PAIRS)
 #define PALP_CONTACT_BEYOND 0.03f
 #define PALP_CONTACT_MAX_POINTS 122u /* of the finest level there is */
 #define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
@@ -76,7 +75,6 @@
  *     modes            1/4    1/2    all   all  all
  */
 typedef struct {
-    uint32_t number;
     uint32_t cells;    /* wanted in contact */
     uint32_t points;   /* room: three times the cells, and some */
     uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */
@@ -102,13 +100,12 @@ typedef struct {
 
 /* A tool on all bodies, or a zone on another. */
 typedef struct {
-    bool used, filled;        /* filled: in this tick, or about to be */
-    uint32_t tool;            /* PALP_CONTACT_TOOLS: not a tool, */
-    uint32_t body, other;     /* but these two zones; points lie on the first */
-    uint32_t before;          /* node of the other one near where they meet */
-    palp_vec3 tool_m, held_m; /* of two zones: where they were found to meet, */
-    palp_vec3 met_m;          /* and that in the frame of the first */
-    palp_vec3 rest_m;         /* where the tool came to rest in the last tick */
+    bool used, filled;    /* filled: in this tick, or about to be */
+    uint32_t tool;        /* PALP_CONTACT_TOOLS: not a tool, */
+    uint32_t body, other; /* but these two zones; points lie on the first */
+    uint32_t before;      /* node of the other one near where they meet */
+    palp_vec3 tool_m;     /* where the tool is taken to be; of two zones: where they met, */
+    palp_vec3 met_m;      /* and that in the frame of the first */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
     palp_given given;     /* by the body as a whole under the forces of the last tick */
@@ -153,7 +150,6 @@ typedef struct {
     bool solved;     /* the last tick was finished */
     bool approached; /* a tool looked at nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 tool_m[PALP_CONTACT_TOOLS];   /* where the tools are taken to be */
     palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
     palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
     palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */

@@ -19,6 +19,19 @@ enum { IN_Y = 0, IN_N = 3, IN_F = 6, IN_CELL = 9, IN_PATCH = 10 };
 #define NEAREST2 0.25f
 #define SPREAD2 0.056330f /* 1 / PALP_LATTICE_SELF^2 */
 
+/* ---- open.c ---- */
+
+/* A level of this contact's body or zones. */
+palp_contact_level palp_contact_level_at(const palp_contact *contact, uint32_t level);
+
+/* ---- points.c ---- */
+
+/* Empties the list of corners. */
+void palp_contact_forget_nodes(palp_contact *contact);
+
+/* A triangle of a pair's second zone near where the two meet. */
+uint32_t palp_contact_other_triangle(const palp_contact *contact, const palp_contact_patch *patch);
+
 /* ---- patches.c ---- */
 
 /* A direction from a body's frame to the world, and back. */

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/cost.h"
 
-#define SPLIT 1.4f   /* of points that lie on several zones, over those on a body */
-#define RUNS 2.0f    /* the half-space between points that alternate between zones, over one run */
-#define FEWEST 12.0f /* sides of zones: rows of the seams take as long for fewer */
-#define LANES 7.0f   /* sides that one more body's are filled up by at most */
+#define RUNS 2.0f   /* the half-space between points that alternate between zones, over one run */
+#define BEGUN 30.0f /* sides: what rows of the seams take however few there are */
+#define LANES 7.0f  /* sides that fill a lane up, at most */
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
@@ -201,14 +200,16 @@ static float others(const palp_contact_cost *cost, palp_contact_level level, uin
 
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count) {
+    const float n = (float)count, between = others(cost, level, count), sides = n + between;
     const float side = 3.0f * PRICE(cost, CORNER) + (float)level.modes * PRICE(cost, MODE_AT);
-    float sum = (float)count * (PRICE(cost, POINT) + cost->evaluation + side);
+    const float sum = n * (PRICE(cost, POINT) + cost->evaluation) + sides * side;
     if (!(cost->zones > 0.0f)) return sum;
-    const float bond = 3.0f * (cost->bent + felt(cost)) + 2.0f * cost->forward +
-                       2.0f * cost->unknowns * PRICE(cost, SEAM_TURN);
-    return SPLIT * (sum + palp_max((float)count, FEWEST) * bond) +
-           others(cost, level, count) * (bond + side + 2.0f * PRICE(cost, SHOT) +
-                                         (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
+    return sum +
+           sides *
+               (3.0f * (cost->bent + felt(cost)) + 2.0f * cost->unknowns * PRICE(cost, SEAM_TURN)) +
+           2.0f * (sides + BEGUN) * cost->forward +
+           between *
+               (2.0f * PRICE(cost, SHOT) + (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
 }
 
 /* So many products between sides, of which `sides` are new. */
@@ -226,7 +227,7 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
     const float n = (float)count, sides = n + others(cost, level, count);
     if (!(cost->zones > 0.0f)) return products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
     /* a row takes as if it had one side more */
-    return products(cost, level, RUNS, 0.5f * sides * (sides + 3.0f + cost->pairs), SPLIT * sides);
+    return products(cost, level, RUNS, 0.5f * sides * (sides + 3.0f + cost->pairs), sides);
 }
 
 float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level level, uint32_t from,

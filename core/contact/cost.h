@@ -72,11 +72,10 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
  * half of the points of the level have two sides. On top of what follows:
  *
  *   fill       zones SOUGHT, and a TURN for each place that is turned from one frame to another
- *   points     all of it 1.4 times; a side 3 (BENT + FELT) + 2 forward + 2 unknowns SEAM_TURN, as
- *              for 12 sides where there are fewer; one between zones 2 SHOT +
- *              PALP_SURFACE_CROSSINGS CROSSING besides
+ *   points     a side 3 (BENT + FELT) + 2 unknowns SEAM_TURN + 2 forward, and 60 forward once to
+ *              begin rows; one between zones 2 SHOT + PALP_SURFACE_CROSSINGS CROSSING besides
  *   assemble   a pair of sides COMPLIANCE and 2 unknowns MODE_PAIR more; a row one side more, with
- *              pairs of zones 1.5; a side 1.4 times as much
+ *              pairs of zones 1.5
  *   finish     zones (solve + 4 unknowns SEAM_MODE); 6 FELT for a side in contact, 3 FELT for any;
  *              up to 7 sides in contact more for each body but the first: they fill whole lanes
  */

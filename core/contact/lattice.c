@@ -608,18 +608,6 @@ static void visit_body(filling *f, visit *v, uint32_t body) {
     }
 }
 
-/* Whether a body's box at rest is within reach. */
-static bool is_in_reach(const palp_lattice_room *r, uint32_t body, palp_vec3 c) {
-    const palp_meta *m = surface_of(r, body)->blob->meta;
-    const palp_vec3 at = into(r, body, c);
-    const float x[3] = {at.x, at.y, at.z};
-    for (uint32_t k = 0; k < 3u; k++) {
-        if (x[k] < m->box_min_m[k] - r->reach_m || x[k] > m->box_max_m[k] + r->reach_m)
-            return false;
-    }
-    return true;
-}
-
 /* Each node near the tool that faces it. */
 static void visit_nodes(filling *f, purpose of) {
     const palp_lattice_room *r = f->r;
@@ -628,8 +616,10 @@ static void visit_nodes(filling *f, purpose of) {
         v.bent_within_m = (1.0f - f->l->narrowed) * r->size_m;
     if (r->other != NULL) v.c = palp_add(v.c, f->l->at.origin_m);
     for (uint32_t b = 0; b < r->bodies; b++) {
-        if (r->bodies == 1u || is_in_reach(r, r->first_body + b, v.c))
-            visit_body(f, &v, r->first_body + b);
+        const uint32_t body = r->first_body + b;
+        const palp_blob *blob = surface_of(r, body)->blob;
+        if (r->bodies == 1u || palp_surface_is_within(blob, into(r, body, v.c), r->reach_m))
+            visit_body(f, &v, body);
     }
     if (of == MEASURE) {
         f->l->bent = palp_given_fit(&v.bent, v.c);

@@ -19,18 +19,14 @@ palp_vec3 palp_contact_inward(const palp_contact *contact, uint32_t body, palp_v
 /* ---- seams ---- */
 
 /* The node of zone `other` that a node of `zone` is bonded to; PALP_NONE. */
-static uint32_t twin_of(const palp_zones *z, uint32_t zone, uint32_t node, uint32_t *other) {
-    for (uint32_t s = 0; s < z->meta->seams; s++) {
-        for (uint32_t side = 0; side < 2u; side++) {
-            if (z->seam[s].zone[side] != zone) continue;
-            for (uint32_t i = 0; i < z->seam[s].nodes; i++) {
-                if (z->seam_node[s][2u * i + side] != node) continue;
-                *other = z->seam[s].zone[1u - side];
-                return z->seam_node[s][2u * i + 1u - side];
-            }
-        }
-    }
-    return PALP_NONE;
+static uint32_t twin_of(const palp_assembly *a, uint32_t zone, uint32_t node, uint32_t *other) {
+    const palp_zones *z = a->zones;
+    const uint32_t at = a->node[zone][node].on_seam;
+    if (at == PALP_NONE) return PALP_NONE;
+    const uint32_t s = z->part[zone].seam[at >> 24u], i = at & 0xffffffu;
+    const uint32_t side = palp_zone_is_second(z, s, zone) ? 1u : 0u;
+    *other = z->seam[s].zone[1u - side];
+    return z->seam_node[s][2u * i + 1u - side];
 }
 
 /* The outer triangle of a zone that has the edge from p to q; PALP_NONE. */
@@ -50,8 +46,8 @@ static uint32_t beyond_edge(const palp_contact *c, uint32_t body, uint32_t t, ui
     const palp_zones *z = c->assembly->zones;
     const uint32_t *v = z->blob[body].triangle + 3u * (size_t)t;
     uint32_t other = 0, same = 0;
-    const uint32_t p = twin_of(z, body, v[(k + 1u) % 3u], &other);
-    const uint32_t q = twin_of(z, body, v[(k + 2u) % 3u], &same);
+    const uint32_t p = twin_of(c->assembly, body, v[(k + 1u) % 3u], &other);
+    const uint32_t q = twin_of(c->assembly, body, v[(k + 2u) % 3u], &same);
     if (p == PALP_NONE || q == PALP_NONE || other != same) return PALP_NONE;
     const uint32_t found = triangle_at(&c->surface[other], q, p);
     return found == PALP_NONE ? PALP_NONE : other << 24u | found;
@@ -99,14 +95,8 @@ uint32_t palp_contact_next(palp_contact *contact) {
 
 /* Whether a place is within the box of a zone, or as far from it as that may be bent. */
 static bool is_near(const palp_blob *b, palp_vec3 x) {
-    const palp_meta *m = b->meta;
-    const float at[3] = {x.x, x.y, x.z};
-    const float reach =
-        BENT * palp_norm(palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m)));
-    for (uint32_t k = 0; k < 3u; k++) {
-        if (!(at[k] > m->box_min_m[k] - reach && at[k] < m->box_max_m[k] + reach)) return false;
-    }
-    return true;
+    const palp_vec3 low = palp_vec3_at(b->meta->box_min_m), high = palp_vec3_at(b->meta->box_max_m);
+    return palp_surface_is_within(b, x, BENT * palp_norm(palp_sub(high, low)));
 }
 
 static palp_contact_patch *find(palp_contact *c, uint32_t body, uint32_t other) {
@@ -184,6 +174,11 @@ static uint32_t nearest_node(palp_contact *c, const palp_blob *b, palp_vec3 x) {
     return nearest;
 }
 
+static palp_vec3 node_at(const palp_contact *c, uint32_t body, uint32_t node) {
+    return palp_carry(&c->frame[body],
+                      palp_vec3_at(c->surface[body].blob->rest_m + 3u * (size_t)node));
+}
+
 /* A place on one zone and the zone that may lie before it. */
 typedef struct {
     uint32_t body, node, other, before; /* the node of the other one that is nearest */
@@ -195,10 +190,9 @@ typedef struct {
 static bool lies_in(palp_contact *c, encounter *e) {
     const palp_surface *s = &c->surface[e->body], *other = &c->surface[e->other];
     const palp_frame *here = &c->frame[e->body], *there = &c->frame[e->other];
-    const palp_vec3 rest = palp_vec3_at(s->blob->rest_m + 3u * (size_t)e->node);
     const palp_vec3 n = palp_rotate(here->r, palp_vec3_at(s->blob->normal + 3u * (size_t)e->node));
     const palp_vec3 bent = palp_rotate(here->r, palp_surface_bent(s, e->node));
-    const palp_vec3 x = palp_carry(here, rest);
+    const palp_vec3 x = node_at(c, e->body, e->node);
     const palp_vec3 in_other = palp_carry_back(there, palp_add(x, bent));
     if (!is_near(other->blob, in_other)) return false;
     const uint32_t nearest = nearest_node(c, other->blob, in_other);
@@ -240,11 +234,6 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     p->bent = (palp_given){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
     palp_lattice_look_at(&p->lattice, e->axis, e->bent_m);
-}
-
-static palp_vec3 node_at(const palp_contact *c, uint32_t body, uint32_t node) {
-    return palp_carry(&c->frame[body],
-                      palp_vec3_at(c->surface[body].blob->rest_m + 3u * (size_t)node));
 }
 
 /* The node, or a neighbour of it, that is nearest to x; bones and seams are passed over. */
@@ -355,8 +344,6 @@ void palp_contact_place(palp_contact *contact) {
         palp_contact_patch *p = &c->patch[t];
         p->used = true;
         p->tool = t;
-        p->tool_m = c->tool_m[t];
-        p->held_m = c->spring[t].held_m;
     }
     if (c->pairs) meet_zones(c);
 }

@@ -276,12 +276,3 @@ float palp_tool_extent(const palp_tool *tool) {
         extent = palp_max(extent, palp_norm(tool->ball[i].center_m) + tool->ball[i].radius_m);
     return extent;
 }
-
-palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k) {
-    if (is_cylinder(tool)) { /* five points along the axis */
-        float along = 0.5f * ((float)(k % 5u) - 2.0f) * tool->cylinder.half_m;
-        return palp_madd(c, along, tool->cylinder.axis);
-    }
-    if (tool->balls == 0u) return c;
-    return palp_add(c, tool->ball[k % tool->balls].center_m);
-}

@@ -83,8 +83,4 @@ palp_gap palp_tool_gap(const palp_tool *tool, palp_vec3 c, palp_vec3 x);
 /* Radius about the reference point within which the surface that touches lies (m). */
 float palp_tool_extent(const palp_tool *tool);
 
-/* A point of the tool at c near which the surface is looked for: centres of balls, or of the face;
- * `k` counts round. */
-palp_vec3 palp_tool_probe(const palp_tool *tool, palp_vec3 c, uint32_t k);
-
 #endif

@@ -19,19 +19,6 @@ palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_
     return r;
 }
 
-uint32_t palp_level_neighbours(const palp_domain *domain, uint32_t slot, uint32_t level,
-                               uint32_t *neighbour, uint32_t capacity) {
-    uint32_t count = 0;
-    palp_child_range r = palp_children(domain, slot, level + 1u);
-    for (uint32_t c = r.first; c < r.end && count < capacity; c++) {
-        uint32_t m = domain->child[c];
-        uint32_t side = domain->parent[2u * m] == slot ? 1u : 0u;
-        if (domain->predict[2u * m + side] > 0.0f)
-            neighbour[count++] = domain->parent[2u * m + side];
-    }
-    return count;
-}
-
 /* Spreads the marked weights of `level` over level + 1. */
 static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
     const palp_domain *d = &b->domain[PALP_FREE];

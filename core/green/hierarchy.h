@@ -40,13 +40,6 @@ typedef struct {
 palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_t level);
 
 /*
- * Neighbours of `slot` in the mesh of `level`, the finest level excepted (its mesh is blob->ring):
- * the other parents of its children on level + 1. At most `capacity`; returns how many.
- */
-uint32_t palp_level_neighbours(const palp_domain *domain, uint32_t slot, uint32_t level,
-                               uint32_t *neighbour, uint32_t capacity);
-
-/*
  * The row of R_l W^-1 for one basis function: what to multiply details with to get w. As
  * palp_wavelet_row, which it equals on the finest level; on coarser levels it meets about 4^(L-l)
  * times as many slots.

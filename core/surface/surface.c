@@ -104,6 +104,15 @@ palp_walk palp_surface_walk(const palp_surface *surface, palp_vec3 origin, palp_
     return PALP_MISSED;
 }
 
+bool palp_surface_is_within(const palp_blob *blob, palp_vec3 x, float reach_m) {
+    const palp_meta *m = blob->meta;
+    const float at[3] = {x.x, x.y, x.z};
+    for (uint32_t k = 0; k < 3u; k++) {
+        if (at[k] < m->box_min_m[k] - reach_m || at[k] > m->box_max_m[k] + reach_m) return false;
+    }
+    return true;
+}
+
 bool palp_surface_shoot(const palp_surface *surface, palp_vec3 origin, palp_vec3 direction,
                         uint32_t *crossings, palp_surface_point *point) {
     uint32_t edge;

@@ -63,6 +63,9 @@ static inline bool palp_surface_is_inner(const palp_surface *surface, uint32_t t
     return across[0] == triangle && across[1] == triangle && across[2] == triangle;
 }
 
+/* Whether a place (frame of the body, m) is within its box at rest, or `reach_m` beyond it. */
+bool palp_surface_is_within(const palp_blob *blob, palp_vec3 x, float reach_m);
+
 /*
  * The point where the line through `origin` along `direction` enters the surface, found by walking
  * from triangle to triangle from point->triangle on. False, with only point->triangle changed, when

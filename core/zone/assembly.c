@@ -21,7 +21,8 @@ static void lay_out(palp_assembly *a, palp_arena *arena) {
         a->bent[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->pushed[i] = palp_take(arena, 3u * (size_t)z->zone[i].modes, sizeof(float));
         a->node[i] = palp_take(arena, b->meta->nodes, sizeof(palp_zone_node));
-        a->sag[i] = gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
+        a->gravity_response[i] =
+            gravity ? palp_take(arena, 9u * (size_t)slots, sizeof(float)) : NULL;
         most = slots > most ? slots : most;
     }
     a->field = palp_take(arena, PALP_FIELD_LANES * (size_t)most, sizeof(float));
@@ -51,7 +52,7 @@ size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest) {
 }
 
 /* How each free slot of a zone moves by unit acceleration along each axis. */
-static void make_sag(palp_assembly *a, uint32_t zone) {
+static void find_gravity_response(palp_assembly *a, uint32_t zone) {
     const palp_blob *b = &a->zones->blob[zone];
     const palp_columns *c = &b->columns[PALP_FREE][PALP_FREE];
     uint32_t slots = b->domain[PALP_FREE].slots;
@@ -63,7 +64,8 @@ static void make_sag(palp_assembly *a, uint32_t zone) {
         palp_wavelet_inverse(&b->domain[PALP_FREE], a->field, b->meta->levels - 1u);
         for (uint32_t i = 0; i < slots; i++) {
             for (uint32_t k = 0; k < 3; k++)
-                a->sag[zone][9u * i + 3u * k + axis] = a->field[PALP_FIELD_LANES * i + k];
+                a->gravity_response[zone][9u * i + 3u * k + axis] =
+                    a->field[PALP_FIELD_LANES * i + k];
         }
     }
 }
@@ -105,7 +107,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     for (uint32_t i = 0; i < zones->meta->zones; i++) list_nodes(a, i);
     palp_assembly_unload(a);
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
-        if (a->sag[i] != NULL) make_sag(a, i);
+        if (a->gravity_response[i] != NULL) find_gravity_response(a, i);
     }
     palp_posture_rest(a->posture, zones);
     palp_assembly_pose(a, a->posture->value, &a->posture->root);
@@ -116,7 +118,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
 palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleration_m_s2) {
     if (!palp_vec3_is_finite(acceleration_m_s2)) return PALP_ERR_NOT_FINITE;
     for (uint32_t i = 0; i < assembly->zones->meta->zones; i++) {
-        if (assembly->sag[i] == NULL) return PALP_ERR_ABSENT;
+        if (assembly->gravity_response[i] == NULL) return PALP_ERR_ABSENT;
     }
     assembly->gravity_m_s2 = acceleration_m_s2;
     return PALP_OK;
@@ -237,10 +239,11 @@ palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t no
     palp_zone_node *kept = &a->node[zone][node];
     if (kept->when == a->settled) return kept->u_m;
     palp_vec3 u = palp_assembly_follow(a, a->extent, zone, node, a->bent[zone]);
-    if (a->sag[zone] != NULL && !palp_node_is_fixed(b, node) &&
+    if (a->gravity_response[zone] != NULL && !palp_node_is_fixed(b, node) &&
         palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
-        u = palp_add(u, palp_rotate(a->sag[zone] + 9u * (size_t)palp_node_slot(b, node),
-                                    palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
+        u = palp_add(u,
+                     palp_rotate(a->gravity_response[zone] + 9u * (size_t)palp_node_slot(b, node),
+                                 palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
     kept->u_m = u;
     kept->when = a->settled;
     a->seams.work_done += 40u + 9u * (uint64_t)palp_assembly_modes(a, zone);

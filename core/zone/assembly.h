@@ -35,12 +35,13 @@ typedef struct {
     const palp_zones *zones;
     palp_seams seams;
     palp_posture *posture;
-    float length_m;                       /* of the largest seam */
-    palp_frame world[PALP_MAX_ZONES];     /* zone -> world */
-    palp_vec3 gravity_m_s2;               /* world; set by palp_assembly_gravity */
-    float *sag[PALP_MAX_ZONES];           /* [free slots][9] by unit acceleration; NULL: unknown */
-    float *field;                         /* [most free slots][4], for opening */
-    float *w;                             /* seams without contact */
+    float length_m;                   /* of the largest seam */
+    palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
+    palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
+    float
+        *gravity_response[PALP_MAX_ZONES]; /* [free slots][9] by unit acceleration; NULL: unknown */
+    float *field;                          /* [most free slots][4], for opening */
+    float *w;                              /* seams without contact */
     float *carried;                       /* what a change of level is still held back by, like w */
     float *load, *total, *kept;           /* vectors over the seams */
     float *pushed[PALP_MAX_ZONES];        /* [M][3] H^T f of the load on each zone */

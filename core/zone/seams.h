@@ -79,7 +79,7 @@ palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t
 /* Modes of seam s on `level`, PALP_DIAGONAL included. */
 uint32_t palp_seam_modes(const palp_seams *seams, uint32_t s, uint32_t level);
 
-static inline palp_seam_factor *palp_seams_factor(palp_seams *seams) {
+static inline const palp_seam_factor *palp_seams_factor(const palp_seams *seams) {
     return &seams->factor[seams->now];
 }
 

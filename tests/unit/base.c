@@ -89,7 +89,7 @@ static void make_spd(double *a, int n, uint64_t *seed) {
 
 static void test_cholesky(void) {
     static float r[N * N], c[N], x[N];
-    static double a[N * N], b[N], exact[N], sub[N * N], sub_b[N];
+    static double a[N * N], b[N], exact[N];
     uint64_t seed = 7;
     make_spd(a, N, &seed);
     for (int i = 0; i < N; i++) b[i] = (double)(float)tap_random(&seed);
@@ -101,27 +101,13 @@ static void test_cholesky(void) {
     AT_MOST(relative(x, exact, N), 1e-5, "Cholesky solve, n = %d, against Gauss-Jordan in double",
             N);
 
-    /* Grow from nothing, then remove three rows: same solution as the reduced matrix. */
-    for (size_t n = 0; n < N; n++) {
+    for (size_t n = 0; n < N; n++) { /* grown from nothing */
         for (size_t i = 0; i <= n; i++) c[i] = (float)a[n * N + i];
         if (palp_chol_append(r, n, N, c) != PALP_OK) CHECK(false, "append of row %zu", n);
     }
-    const size_t removed[3] = {N - 1, 0, 17};
-    size_t index[N], n = N;
-    for (size_t i = 0; i < N; i++) index[i] = i;
-    for (int k = 0; k < 3; k++) {
-        palp_chol_remove(r, n, N, removed[k]);
-        memmove(index + removed[k], index + removed[k] + 1, (n - removed[k] - 1) * sizeof index[0]);
-        n--;
-    }
-    for (size_t i = 0; i < n; i++) {
-        sub_b[i] = b[index[i]];
-        x[i] = (float)sub_b[i];
-        for (size_t k = 0; k < n; k++) sub[i * n + k] = a[index[i] * N + index[k]];
-    }
-    palp_chol_solve(r, n, N, x);
-    solve_double(sub, sub_b, exact, (int)n);
-    AT_MOST(relative(x, exact, (int)n), 1e-5, "Cholesky after %d appends and 3 removals", N);
+    for (int i = 0; i < N; i++) x[i] = (float)b[i];
+    palp_chol_solve(r, N, N, x);
+    AT_MOST(relative(x, exact, N), 1e-5, "Cholesky after %d appends", N);
 
     float bad[4] = {1, 2, 2, 1};
     CHECK(palp_chol_factor(bad, 2, 2) == PALP_ERR_NOT_SPD, "an indefinite matrix is refused");

@@ -365,22 +365,30 @@ static double pair_forces(const palp_contact *c, palp_vec3 *on, uint32_t *pairs)
     return deepest;
 }
 
+/* Arms on a hub: cubes u[cubes], each of the zone that is named beside it. */
+static zoned make_arms(const int (*u)[3], const char *const *name, uint32_t cubes,
+                       const char *zones, const char *joints) {
+    uint32_t *cell;
+    char lines[512];
+    mesh m = model_voxels(u, cubes, EDGE, 4, &cell);
+    char *labels = model_labels(cell, m.triangles, name);
+    snprintf(lines, sizeof lines, COMMON "%slabels %s\n%s", zones, labels, joints);
+    zoned model = model_zones(&m, lines, 0);
+    remove(labels);
+    return model;
+}
+
 /* Two arms on a hub, one of which turns until their tips press on each other. */
 static void test_pairs(void) {
     static const int u[7][3] = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {0, 0, 1},
                                 {2, 0, 1}, {0, 0, 2}, {2, 0, 2}};
     static const char *const name[] = {"hub", "hub", "hub", "left", "right", "left", "right"};
-    uint32_t *cell;
-    char lines[512];
-    mesh m = model_voxels(u, 7, EDGE, 4, &cell);
-    char *labels = model_labels(cell, m.triangles, name);
-    snprintf(lines, sizeof lines,
-             COMMON "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone right\n"
-                    "fix-above x 0.059999\nlabels %s\njoint l fixed hub left\n"
-                    "joint r revolute hub right\naxis 0 1 0\norigin 0.05 0.01 0.02\n",
-             labels);
-    zoned model = model_zones(&m, lines, 0);
-    remove(labels);
+    const zoned model =
+        make_arms(u, name, 7,
+                  "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone right\n"
+                  "fix-above x 0.059999\n",
+                  "joint l fixed hub left\njoint r revolute hub right\naxis 0 1 0\n"
+                  "origin 0.05 0.01 0.02\n");
     palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
     palp_contact *c = open_contact(a, true, &tool, PALP_CONTACT_FINEST);
@@ -432,19 +440,13 @@ static void test_two_pairs(void) {
                                  {2, 0, 1}, {4, 0, 1}, {0, 0, 2}, {2, 0, 2}, {4, 0, 2}};
     static const char *const name[] = {"hub",    "hub",   "hub",  "hub",    "hub",  "left",
                                        "middle", "right", "left", "middle", "right"};
-    uint32_t *cell;
-    char lines[512];
-    mesh m = model_voxels(u, 11, EDGE, 4, &cell);
-    char *labels = model_labels(cell, m.triangles, name);
-    snprintf(lines, sizeof lines,
-             COMMON "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone middle\n"
-                    "fix-above z 0.059999\nzone right\nfix-above x 0.099999\nlabels %s\n"
-                    "joint l revolute hub left\naxis 0 1 0\norigin 0.01 0.01 0.02\n"
-                    "joint m fixed hub middle\njoint r revolute hub right\naxis 0 1 0\n"
-                    "origin 0.09 0.01 0.02\n",
-             labels);
-    zoned model = model_zones(&m, lines, 0);
-    remove(labels);
+    const zoned model =
+        make_arms(u, name, 11,
+                  "zone hub\nfix-below z 1e-6\nzone left\nfix-below x 1e-6\nzone middle\n"
+                  "fix-above z 0.059999\nzone right\nfix-above x 0.099999\n",
+                  "joint l revolute hub left\naxis 0 1 0\norigin 0.01 0.01 0.02\n"
+                  "joint m fixed hub middle\njoint r revolute hub right\naxis 0 1 0\n"
+                  "origin 0.09 0.01 0.02\n");
     palp_assembly *a = model_assembly(model.zones, 2);
     const palp_tool tool = palp_tool_sphere(0.002f);
     palp_contact *c = open_contact(a, true, &tool, PALP_CONTACT_FINEST);

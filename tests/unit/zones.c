@@ -422,7 +422,8 @@ static void test_frames(const zoned *model) {
 
 /* ---- gravity ---- */
 
-/* A bent chain under gravity: free nodes against the dense solution, each zone's own sag included.
+/* A bent chain under gravity: free nodes against the dense solution, each zone's own
+ * gravity_response included.
  */
 static void test_gravity(const zoned *model) {
     const palp_zones *z = model->zones;

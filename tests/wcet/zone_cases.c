@@ -11,23 +11,23 @@ typedef struct {
     palp_contact_cost *unit; /* at unit prices, on the level of the seams in use */
     palp_prices *price;
     palp_moving *moving; /* at unit prices */
-} grip;
+} setup;
 
-typedef float (*seam_bound)(const grip *g, uint32_t unit, uint32_t level);
+typedef float (*seam_bound)(const setup *g, uint32_t unit, uint32_t level);
 
-static float of_factor(const grip *g, uint32_t u, uint32_t level) {
+static float of_factor(const setup *g, uint32_t u, uint32_t level) {
     return palp_seams_cost_factor(&g->assembly.seams, &g->price[u], level);
 }
-static float of_settle(const grip *g, uint32_t u, uint32_t level) {
+static float of_settle(const setup *g, uint32_t u, uint32_t level) {
     return palp_assembly_cost_settle(&g->assembly, &g->price[u], level);
 }
-static float of_load(const grip *g, uint32_t u, uint32_t level) {
+static float of_load(const setup *g, uint32_t u, uint32_t level) {
     (void)level;
     return g->moving[u].load_ns;
 }
 
 typedef struct {
-    const grip *g;
+    const setup *g;
     seam_bound bound;
     uint32_t level;
 } question;
@@ -37,14 +37,14 @@ static float answer(const void *context, uint32_t k) {
     return q->bound(q->g, k, q->level);
 }
 
-static void tell(const grip *g, const char *name, seam_bound bound, uint32_t level,
+static void tell(const setup *g, const char *name, seam_bound bound, uint32_t level,
                  uint64_t counted) {
     const question q = {g, bound, level};
     cases_tell(g->c, name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, answer, &q, counted);
 }
 
 /* The seams in another posture, on some level. */
-static void one_posture(grip *g, dice *d) {
+static void one_posture(setup *g, dice *d) {
     palp_assembly *a = &g->assembly;
     const palp_frame rest = PALP_FRAME_IDENTITY;
     float value[PALP_MAX_JOINTS];
@@ -79,7 +79,7 @@ static void one_posture(grip *g, dice *d) {
 }
 
 /* Tools near some place of the surface, seams not far away. */
-static void press(grip *g, dice *d) {
+static void press(setup *g, dice *d) {
     palp_assembly *a = &g->assembly;
     const uint32_t zone = dice_below(d, g->zones.meta->zones);
     const palp_blob *b = &g->zones.blob[zone];
@@ -95,7 +95,7 @@ static void press(grip *g, dice *d) {
     for (uint32_t k = 0; k < 3u; k++) cases_of_tick(g->c, &g->contact, g->unit, at, spring);
 }
 
-static bool open(grip *g, uint32_t finest) {
+static bool open(setup *g, uint32_t finest) {
     cases *c = g->c;
     const float edge = g->zones.blob[0].meta->mean_edge_m;
     size_t room = palp_assembly_memsize(&g->zones, finest);
@@ -122,7 +122,7 @@ static bool open(grip *g, uint32_t finest) {
 void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uint32_t rounds) {
     dice d = {seed};
     size_t used = c->used;
-    grip *g = cases_take(c, sizeof *g);
+    setup *g = cases_take(c, sizeof *g);
     g->c = c;
     if (palp_zones_open(&g->zones, data, bytes) != PALP_OK) return;
     for (uint32_t finest = 0; finest < PALP_SEAM_LEVELS; finest++) {

@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: MIT */
+/* What is asked of the contact points of a tick, and what each side of them presses. */
+#include "core/contact/contact_internal.h"
+#include "core/contact/facing.h"
+
+#define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
+
+/* ---- the last tick ---- */
+
+static int16_t nearest(float x) {
+    x = palp_clamp(x, -16000.0f, 16000.0f);
+    return (int16_t)(x + (x >= 0.0f ? 0.5f : -0.5f));
+}
+
+/* The contact point of the last tick at the same place of the lattice, or next to it; NULL if
+ * there is none. */
+static const palp_contact_point *last_of(const palp_contact *c, const palp_contact_point *p,
+                                         bool *same) {
+    static const int16_t step[7][2] = {{0, 0}, {1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const float before = patch->spacing_before;
+    float scale = before > 0.0f ? patch->lattice.used.spacing / before : 1.0f;
+    const bool changed = palp_abs(scale - 1.0f) > OTHER_LATTICE;
+    if (!changed) scale = 1.0f;
+    const int16_t i = nearest(scale * (float)p->i), j = nearest(scale * (float)p->j);
+    for (uint32_t k = 0; k < 7u; k++) {
+        uint32_t at = palp_lattice_find(patch->table_before, (int16_t)(i + step[k][0]),
+                                        (int16_t)(j + step[k][1]));
+        *same = k == 0u && !changed;
+        if (at >= c->count_before) continue;
+        const palp_contact_point *q = &c->before[at];
+        /* the table of a patch that was left out is an older one */
+        if (q->patch == p->patch && q->i == (int16_t)(i + step[k][0]) &&
+            q->j == (int16_t)(j + step[k][1]))
+            return q;
+    }
+    return NULL;
+}
+
+/* ---- corners ---- */
+
+static uint32_t slot_of_node(const palp_contact *c, uint32_t body, uint32_t node) {
+    uint32_t slot = ((node + 65536u * body) * 2654435761u) >> 22u;
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) {
+        uint32_t at = (slot + k) & (PALP_CONTACT_NODE_SLOTS - 1u), n = c->node_slot[at];
+        if (n == 0u || (c->node[n - 1u] == node && c->node_body[n - 1u] == body)) return at;
+    }
+    return 0u;
+}
+
+void palp_contact_forget_nodes(palp_contact *contact) {
+    palp_contact *c = contact;
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
+    c->nodes = 0;
+}
+
+/* Lists the corners of a side; returns how its place is bent. */
+static palp_vec3 list_corners(palp_contact *c, uint32_t side, uint32_t body,
+                              const palp_surface_point *at) {
+    const palp_surface *surface = &c->surface[body];
+    const uint32_t *v = surface->blob->triangle + 3u * (size_t)at->triangle;
+    palp_vec3 bent = {0};
+    for (uint32_t k = 0; k < 3u; k++) {
+        uint32_t slot = slot_of_node(c, body, v[k]);
+        if (c->node_slot[slot] == 0u) {
+            c->node_bent_m[c->nodes] = palp_surface_bent(surface, v[k]);
+            c->node_body[c->nodes] = body;
+            c->node[c->nodes++] = v[k];
+            c->node_slot[slot] = (uint16_t)c->nodes;
+        }
+        c->corner[side][k] = (uint16_t)(c->node_slot[slot] - 1u);
+        if (surface->assembly != NULL)
+            bent = palp_madd(bent, at->weight[k], c->node_bent_m[c->corner[side][k]]);
+    }
+    return bent;
+}
+
+/* ---- sides ---- */
+
+/* The sides of one body that come one behind the other. */
+static void add_to_run(palp_contact *c, uint32_t body, uint32_t side) {
+    if (c->runs > 0u && side != c->count) { /* where those of points end */
+        palp_contact_run *last = &c->run[c->runs - 1u];
+        if (last->body == body && last->end == side) {
+            last->end = side + 1u;
+            return;
+        }
+    }
+    c->run[c->runs++] = (palp_contact_run){body, side, side + 1u};
+}
+
+/* Puts one side of a point among the others, with the unit load along m on its body. */
+static void add_side(palp_contact *c, uint32_t point, uint32_t side, uint32_t body,
+                     const palp_surface_point *at, palp_vec3 m) {
+    const palp_contact_point *p = &c->point[point];
+    const float of[11] = {at->y.x, at->y.y, at->y.z, at->n.x,   at->n.y,        at->n.z,
+                          m.x,     m.y,     m.z,     p->cell_m, (float)p->patch};
+    const uint32_t modes = c->level.modes;
+    for (uint32_t k = 0; k < 11u; k++) c->column[k][side] = of[k];
+    c->side_point[side] = (uint16_t)point;
+    add_to_run(c, body, side);
+    palp_surface_modes(&c->surface[body], at, m, modes, c->mode + side, c->side_room);
+    c->work_done += 120u + 9u * modes;
+}
+
+uint32_t palp_contact_other_triangle(const palp_contact *contact, const palp_contact_patch *patch) {
+    return contact->surface[patch->other].blob->regular.triangle[patch->before];
+}
+
+/* The direction and the place that a point of one zone meets another one in, where both have gone
+ * together. */
+static void meet(palp_contact *c, uint32_t i) {
+    palp_contact_point *p = &c->point[i];
+    palp_contact_patch *patch = &c->patch[p->patch];
+    palp_contact_facing *z = &c->facing[i];
+    const palp_given *given = &patch->lattice.used.given;
+    uint32_t crossings = PALP_SURFACE_CROSSINGS;
+    uint32_t hint[2] = {patch->lattice.facing, palp_contact_other_triangle(c, patch)};
+    float gone;
+    palp_vec3 beside = palp_given_beside(given, p->y, &gone);
+    palp_vec3 x = palp_add(p->y, palp_add(given->mean_m, beside));
+    palp_vec3 m = palp_scale(-1.0f, p->n);
+    z->at.body = patch->other;
+    z->found = palp_facing_find(&c->surface[patch->other], &c->frame[patch->other], x,
+                                patch->lattice.used.axis, &crossings, hint, &z->at);
+    if (z->found) m = palp_add(m, palp_contact_outward(c, patch->other, z->at.n));
+    p->out = palp_scale(1.0f / palp_max(palp_norm(m), 1e-6f), m);
+    z->m = palp_scale(-1.0f, palp_contact_inward(c, patch->other, p->out));
+    if (z->found) return;
+    const palp_frame *there = &c->frame[patch->other];
+    z->at.y = z->at.q = palp_carry_back(there, x);
+    z->at.n = palp_scale(-1.0f, z->m);
+    for (uint32_t k = 0; k < 3u; k++) z->at.weight[k] = 0.0f;
+    p->left_out = true;
+    p->active = false;
+    c->flags |= PALP_CONTACT_LOST;
+}
+
+/* The tool as a point sees it, about its last displacement. */
+static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
+    palp_contact_point *p = &c->point[i];
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const float stiffness = c->spring[patch->tool].stiffness_N_per_m;
+    palp_gap gap = palp_tool_gap(&c->tools[patch->tool], patch->tool_m, y);
+    palp_vec3 held = c->spring[patch->tool].held_m;
+    if (stiffness > 0.0f) held = palp_madd(held, 1.0f / stiffness, c->beyond_N[patch->tool]);
+    p->out = gap.normal;
+    c->target[i] = -gap.gap_m + palp_dot(p->out, palp_sub(held, patch->tool_m));
+}
+
+/* What is asked of a point. */
+static void linearise(palp_contact *c, uint32_t i) {
+    palp_contact_point *p = &c->point[i];
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    const uint32_t body = p->at.body;
+    const bool pair = patch->tool == PALP_CONTACT_TOOLS;
+    bool same;
+    const palp_contact_point *last = last_of(c, p, &same);
+    const bool here = last != NULL && last->at.body == body;
+    p->u_m = here ? last->u_m : (palp_vec3){0};
+    p->active = last != NULL ? same && last->active : true;
+    p->left_out = false;
+    c->other_side[i] = 0;
+    palp_vec3 moved = list_corners(c, i, body, &p->at);
+    if (!pair) moved = palp_add(moved, p->u_m);
+    const palp_vec3 y = palp_add(p->y, palp_contact_outward(c, body, moved));
+    if (pair) {
+        meet(c, i);
+        c->target[i] = -palp_dot(p->out, y);
+    } else {
+        face(c, i, y);
+    }
+    p->m = palp_contact_inward(c, body, p->out);
+    if (!pair) c->target[i] += palp_dot(p->m, p->u_m);
+    add_side(c, i, i, body, &p->at, p->m);
+}
+
+/* The other side of a point between zones; it is asked that the two do not pass each other. */
+static void add_other_side(palp_contact *c, uint32_t i) {
+    const palp_contact_patch *patch = &c->patch[c->point[i].patch];
+    const palp_contact_facing *z = &c->facing[i];
+    const uint32_t side = c->sides++;
+    c->other_side[i] = (uint16_t)side;
+    palp_vec3 bent = list_corners(c, side, patch->other, &z->at);
+    add_side(c, i, side, patch->other, &z->at, z->m);
+    palp_vec3 there = palp_carry(&c->frame[patch->other], palp_add(z->at.y, bent));
+    c->target[i] += palp_dot(c->point[i].out, there);
+}
+
+uint32_t palp_contact_points(palp_contact *contact) {
+    palp_contact *c = contact;
+    c->sides = c->count;
+    for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
+    for (uint32_t i = 0; i < c->count && c->pairs; i++) {
+        if (c->patch[c->point[i].patch].tool == PALP_CONTACT_TOOLS) add_other_side(c, i);
+    }
+    if (c->assembly != NULL) palp_contact_bond(c);
+    return c->count;
+}
