@@ -18,7 +18,7 @@ HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
 
 CORE := $(sort $(wildcard core/*/*.c))
-TOOLS := $(sort $(wildcard tools/*.c))
+TOOLS := $(sort $(wildcard tools/*.c tools/*/*.c))
 TOOLS_LIB := $(filter-out tools/main.c,$(TOOLS))
 SIM_LIB := $(filter-out sim/palp_sim.c,$(sort $(wildcard sim/*.c)))
 # Telemetry is built with Cyclone DDS where that is installed (never when cross-building).

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /* The table of felt quality: rows of a measure, its case and value, what a hand just notices, and
  * the goal. */
-#ifndef PALP_TOOLS_FEEL_H
-#define PALP_TOOLS_FEEL_H
+#ifndef PALP_TOOLS_FEEL_TABLE_H
+#define PALP_TOOLS_FEEL_TABLE_H
 
 #include <stddef.h>
 #include <stdio.h>
 
 typedef struct {
-    char measure[32], of[72];
+    char measure[32], of[80];
     double value;
     const char *unit;
     double threshold, goal; /* NAN: none; a goal is met by a magnitude of at most that */

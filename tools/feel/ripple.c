@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: MIT */
+/* Ripple of the force while a rigid tool slides at constant depth. */
+#include "tools/feel/bench.h"
+#include "tools/press.h"
+#include "tools/util.h"
+#include <math.h>
+#include <stdlib.h>
+
+#define PATH_TICKS 240 /* of a slide */
+#define PATH_EDGES 4.0 /* its length */
+
+/* What differs from a parabola through its surroundings of `window` ticks to each side, rms over
+ * the force (Savitzky and Golay's smoothing, of second order). */
+static double roughness(const double *f, const double *force, int count, int window) {
+    const double m = window, scale = 3 / ((2 * m - 1) * (2 * m + 1) * (2 * m + 3));
+    double square = 0;
+    for (int k = window; k + window < count; k++) {
+        double smooth = 0;
+        for (int j = -window; j <= window; j++)
+            smooth += scale * (3 * m * m + 3 * m - 1 - 5.0 * j * j) * f[k + j];
+        square += pow((f[k] - smooth) / force[k], 2) / (count - 2 * window);
+    }
+    return sqrt(square);
+}
+
+/* Ripple of a path: of the force, and of its part along the path. */
+typedef struct {
+    double force, along;
+} path_ripple;
+
+/* Slides at constant depth; the ripple over a window of one edge to each side. False where the path
+ * ends or the rest of the body is in the way; *lost counts ticks without force. */
+static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t level,
+                  uint32_t *lost, path_ripple *r) {
+    palp_tool tool = palp_tool_sphere((float)radius);
+    palp_contact *c = press_open(b->blob, &tool, 1, level);
+    palp_surface_point p = press_start(c, node);
+    palp_vec3 along = {0.3f, 0.5f, 0.8f};
+    double f[PATH_TICKS], t[PATH_TICKS];
+    uint32_t without = 0;
+    bool whole = true;
+    for (int i = -20; i < PATH_TICKS && whole; i++) {
+        along = bench_tangent(along, p.n);
+        double advance = i < 0 ? 0 : PATH_EDGES * b->edge_m / PATH_TICKS;
+        palp_vec3 y = palp_madd(p.y, (float)advance, along);
+        whole = press_point(c, palp_madd(y, (float)b->edge_m, p.n), p.n, &p);
+        palp_vec3 at = palp_madd(p.y, (float)(radius - depth), p.n);
+        whole = whole && press_is_clear(b->blob, at, radius, depth);
+        press_hold(c, at, 1);
+        if (i < 0) continue;
+        f[i] = (double)palp_norm(c->force_N[0]);
+        t[i] = (double)palp_dot(c->force_N[0], along);
+        without += !(f[i] > 0);
+    }
+    press_close(c);
+    if (!whole) return false;
+    *lost += without;
+    const int window = (int)(PATH_TICKS / PATH_EDGES);
+    *r = (path_ripple){roughness(f, f, PATH_TICKS, window), roughness(t, f, PATH_TICKS, window)};
+    return true;
+}
+
+/* Rows of one tool and depth: the median and the worst path. */
+static void ripple_of(bench *b, double size, double depth, uint32_t level, double goal,
+                      double goal_along, uint32_t *lost) {
+    double *force = allocate(b->places, sizeof *force), *along = allocate(b->places, sizeof *along);
+    uint32_t paths = 0;
+    char of[72];
+    for (uint32_t i = 0; i < b->places; i++) {
+        path_ripple r;
+        const double radius = size * b->edge_m;
+        if (!slide(b, b->place[i], radius, depth * radius, level, lost, &r)) continue;
+        force[paths] = 100 * r.force;
+        along[paths++] = 100 * r.along;
+    }
+    snprintf(of, sizeof of, "level %u, tool %g edges, depth %g R, %u paths", level, size, depth,
+             paths);
+    if (paths > 0) {
+        feel_add(&b->table, "ripple", of, bench_median(force, paths), "% rms", NAN, goal);
+        feel_add(&b->table, "ripple, worst path", of, force[paths - 1], "% rms", NAN, NAN);
+        feel_add(&b->table, "ripple, tangential", of, bench_median(along, paths), "% rms", NAN,
+                 goal_along);
+    }
+    free(force);
+    free(along);
+}
+
+void feel_ripple(bench *b) {
+    static const double size[] = {0.75, 1.5, 3, 6}, depth[] = {0.03, 0.1, 0.3},
+                        goal[] = {2, 0.7, 0.3};
+    uint32_t lost = 0;
+    for (size_t s = 0; s < 4; s++) {
+        for (size_t d = 0; d < 3; d++)
+            ripple_of(b, size[s], depth[d], PALP_CONTACT_FINEST, goal[d], 0.2, &lost);
+    }
+    for (uint32_t l = 0; l < PALP_CONTACT_FINEST; l++) {
+        for (size_t s = 1; s < 4; s++) ripple_of(b, size[s], 0.1, l, 2, NAN, &lost);
+    }
+    feel_add(&b->table, "contact lost", "on all these paths", lost, "ticks", (double)NAN, 0);
+}
