@@ -2,6 +2,7 @@
 #include "core/contact/contact.h"
 #include "core/base/linalg.h"
 #include "core/contact/contact_internal.h"
+#include "core/contact/repay.h"
 
 #define CLEAR 1e-6f      /* violation that lets a point in, over the tool's size */
 #define LEAST_SHARE 0.3f /* of what the body gave way in the last tick, and most */
@@ -367,12 +368,6 @@ static float response(const palp_contact *c, uint32_t t, float most_N) {
     return steady * k * cell / (k * cell + SLOWLY * most_N);
 }
 
-/* v, or the vector along it of length `most` where it is longer. */
-static palp_vec3 at_most(palp_vec3 v, float most) {
-    const float length = palp_norm(v);
-    return length > most ? palp_scale(most / length, v) : v;
-}
-
 static palp_vec3 blend(palp_vec3 from, palp_vec3 to, float share) {
     return palp_madd(from, share, palp_sub(to, from));
 }
@@ -416,12 +411,12 @@ static void take_displacements(palp_contact *c) {
 }
 
 /* The force on a tool, and where it comes to rest. */
-static void end_tool(palp_contact *c, uint32_t t, palp_vec3 before_N) {
+static void end_tool(palp_contact *c, uint32_t t) {
     const palp_contact_spring *s = &c->spring[t];
     const palp_vec3 push = c->patch[t].push_N, beyond = c->patch[t].beyond_N;
     const float most = PALP_CONTACT_BEYOND * palp_norm(push);
-    const palp_vec3 before = at_most(before_N, most);
-    c->beyond_N[t] = at_most(beyond, most);
+    const palp_vec3 before = palp_contact_at_most(c->beyond_N[t], most);
+    c->beyond_N[t] = palp_contact_at_most(beyond, most);
     if (c->normal_N[t] > 0.0f) c->beyond_N[t] = blend(before, c->beyond_N[t], response(c, t, most));
     c->force_N[t] = palp_add(push, c->beyond_N[t]);
     c->rest_m[t] = s->held_m;
@@ -431,8 +426,7 @@ static void end_tool(palp_contact *c, uint32_t t, palp_vec3 before_N) {
 
 void palp_contact_finish(palp_contact *contact) {
     palp_contact *c = contact;
-    palp_vec3 before_N[PALP_CONTACT_TOOLS];
-    for (uint32_t t = 0; t < c->tool_count; t++) before_N[t] = c->beyond_N[t];
+    const palp_contact_past past = palp_contact_past_of(c);
     take_forces(c);
     c->solved = true;
     take_displacements(c);
@@ -440,7 +434,8 @@ void palp_contact_finish(palp_contact *contact) {
         if (c->patch[k].used) find_given(c, &c->patch[k], k);
     }
     palp_contact_exact(c);
-    for (uint32_t t = 0; t < c->tool_count; t++) end_tool(c, t, before_N[t]);
+    for (uint32_t t = 0; t < c->tool_count; t++) end_tool(c, t);
+    palp_contact_repay(c, &past);
     for (uint32_t b = 0; b < c->bodies && c->frame != NULL; b++) c->frame_before[b] = c->frame[b];
 }
 

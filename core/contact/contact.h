@@ -24,7 +24,7 @@
  *
  * The last two belong to the points, not to the body, and vanish as points become more. They are
  * cut off at PALP_CONTACT_BEYOND of the first, which they reach where a tool meets folds or lies in
- * several regions with few points in each; there F is not exact.
+ * several regions with few points in each; what F then lacks is repaid on the way (repay.h).
  *
  * A multizone model is one body at rest, so C is that of the rest posture in the zones' own
  * coordinates, which are the model's at rest, and what its seams do differently in this posture
@@ -150,10 +150,13 @@ typedef struct {
     bool solved;     /* the last tick was finished */
     bool approached; /* a tool looked at nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 rest_m[PALP_CONTACT_TOOLS];   /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];  /* exact, on each tool */
-    palp_vec3 beyond_N[PALP_CONTACT_TOOLS]; /* what of it lies beyond - sum lambda m */
-    float normal_N[PALP_CONTACT_TOOLS];     /* sum of lambda */
+    palp_vec3 rest_m[PALP_CONTACT_TOOLS];        /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];       /* exact, on each tool */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];      /* what of it lies beyond - sum lambda m, */
+    palp_vec3 repaid_N[PALP_CONTACT_TOOLS];      /* and what makes up for work not done (repay.h) */
+    float normal_N[PALP_CONTACT_TOOLS];          /* sum of lambda */
+    palp_vec3 held_before_m[PALP_CONTACT_TOOLS]; /* spring.held_m of the last solved tick */
+    float owed_J;                                /* to the hand */
     float given_share; /* of patch.given, that the patch under way is taken to meet */
     float forward;     /* how far that is put forward, over its size */
     float energy_J;    /* f C f / 2 */

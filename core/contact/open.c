@@ -197,12 +197,12 @@ void palp_contact_clear(palp_contact *contact) {
         palp_lattice_clear(before);
     }
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->force_N[t] = c->beyond_N[t] = (palp_vec3){0};
+        c->force_N[t] = c->beyond_N[t] = c->repaid_N[t] = (palp_vec3){0};
         c->normal_N[t] = 0.0f;
     }
     for (uint32_t m = 0; m < PALP_LATTICE_FAR_MODES; m++) c->far_load[m] = 0.0f;
     c->count = c->count_before = c->active_count = 0;
-    c->energy_J = 0.0f;
+    c->energy_J = c->owed_J = 0.0f;
     c->solved = false;
     c->crowd = 1.0f;
 }

@@ -143,7 +143,8 @@ static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
     const float stiffness = c->spring[patch->tool].stiffness_N_per_m;
     palp_gap gap = palp_tool_gap(&c->tools[patch->tool], patch->tool_m, y);
     palp_vec3 held = c->spring[patch->tool].held_m;
-    if (stiffness > 0.0f) held = palp_madd(held, 1.0f / stiffness, c->beyond_N[patch->tool]);
+    const palp_vec3 besides = palp_add(c->beyond_N[patch->tool], c->repaid_N[patch->tool]);
+    if (stiffness > 0.0f) held = palp_madd(held, 1.0f / stiffness, besides);
     p->out = gap.normal;
     c->target[i] = -gap.gap_m + palp_dot(p->out, palp_sub(held, patch->tool_m));
 }
