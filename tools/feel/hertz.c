@@ -7,8 +7,8 @@
  *     F = 4/3 E / (1 - nu^2) sqrt(R_e) (d / F2)^(3/2),  F2 = 1 - ((B / A)^0.0684 - 1)^1.531
  *
  * (Johnson, Contact Mechanics, 4.2; F2 after Greenwood, whose force is within 0.6 % of that by
- * elliptic integrals up to B = 8 A). Hertz knows a
- * half-space; the body as a whole gives way by F h besides, h = n . H n of its regular part.
+ * elliptic integrals up to B = 8 A). Hertz knows a half-space; the body as a whole gives way by F h
+ * besides, h = n . H n of its regular part, where that is even over the contact.
  */
 #include "tools/feel/bench.h"
 #include "tools/dense.h"
@@ -16,11 +16,13 @@
 #include "tools/util.h"
 #include <math.h>
 
-#define TOOL 0.3        /* contact radius over the tool's, about */
+#define TOOL 0.3        /* contact radius over the tool's, about, */
+#define SMALLEST 0.5    /* which has so many edges at least */
 #define RINGS 4         /* about a place, */
 #define DIRECTIONS 12   /* points on each; the outermost */
-#define OUTERMOST 2.0   /* contact radii away */
+#define OUTERMOST 2.5   /* contact radii away */
 #define PARABOLOID 0.02 /* most deviation from it, over the depth */
+#define EVEN 0.02       /* most by which F h differs within the contact, over the depth */
 #define MOST_CURVED 2.0 /* curvatures may be so much times the tool's */
 #define MOST_OBLONG 5.0 /* B over A */
 #define TRIED 50        /* nodes for each place that is wanted */
@@ -74,21 +76,52 @@ static bool fit_paraboloid(const palp_contact *c, palp_surface_point p, double s
     return true;
 }
 
-/* n . H n at a point: what the body as a whole gives way by. */
-static double regular_compliance(const palp_contact *c, const palp_surface_point *p) {
-    float row[PALP_MAX_MODES];
+/* n . H n between two points: what the body as a whole gives way by at one under a unit force at
+ * the other. */
+static double regular_compliance(const palp_contact *c, const palp_surface_point *p,
+                                 const palp_surface_point *q) {
+    float row[2][PALP_MAX_MODES];
     const palp_regular *g = &c->surface->blob->regular;
-    palp_surface_modes(c->surface, p, p->n, g->modes, row, 1);
+    palp_surface_modes(c->surface, p, p->n, g->modes, row[0], 1);
+    palp_surface_modes(c->surface, q, q->n, g->modes, row[1], 1);
     double sum = 0;
-    for (uint32_t a = 0; a < g->modes; a++) sum += (double)(g->value[a] * row[a] * row[a]);
+    for (uint32_t a = 0; a < g->modes; a++)
+        sum += (double)g->value[a] * (double)row[0][a] * (double)row[1][a];
     return sum;
+}
+
+/* The same of a point with itself; *varies: how much less it is a contact radius away. */
+static double compliance_about(const palp_contact *c, const palp_surface_point *p, double a,
+                               double *varies) {
+    const double own = regular_compliance(c, p, p);
+    const palp_vec3 t = bench_tangent((palp_vec3){0.3f, 0.5f, 0.8f}, p->n);
+    *varies = 0;
+    for (int side = -1; side <= 1; side += 2) {
+        palp_surface_point q = *p;
+        palp_vec3 from = palp_madd(palp_madd(p->y, (float)(side * a), t), (float)a, p->n);
+        *varies = press_point(c, from, p->n, &q)
+                      ? fmax(*varies, fabs(own - regular_compliance(c, p, &q)))
+                      : HUGE_VAL;
+    }
+    return own;
+}
+
+/* The force at which Hertz' approach and force * h are the depth. */
+static double hertz_force(double stiff, double flat, double depth, double h) {
+    double least = 0, most = 2 * stiff * pow(depth / flat, 1.5);
+    if (h > 0) most = fmin(most, depth / h);
+    for (int it = 0; it < 60; it++) {
+        const double force = 0.5 * (least + most);
+        *(force < stiff * pow((depth - force * h) / flat, 1.5) ? &least : &most) = force;
+    }
+    return least;
 }
 
 /* Force over Hertz' less 1 with a contact radius of about `a` near a node; false where he does not
  * apply. */
 static bool press_as_hertz(bench *b, uint32_t node, double a, double *error) {
     const palp_meta *m = b->blob->meta;
-    const double radius = a / TOOL;
+    const double radius = fmax(a / TOOL, SMALLEST * b->edge_m);
     const palp_tool tool = palp_tool_sphere((float)radius);
     palp_contact *c = press_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_surface_point p = press_start(c, node);
@@ -105,12 +138,12 @@ static bool press_as_hertz(bench *b, uint32_t node, double a, double *error) {
                      flat = 1 - pow(pow(a2 / a1, 0.0684) - 1, 1.531);
         const palp_vec3 at = palp_madd(s.y, (float)(radius - depth), s.n);
         applies = s.residual < PARABOLOID * depth && press_is_clear(b->blob, at, radius, depth);
+        double varies;
+        const double h = compliance_about(c, &p, a, &varies), nu = (double)m->poisson,
+                     stiff = 4.0 / 3 * (double)m->young_Pa / (1 - nu * nu) * sqrt(effective),
+                     force = hertz_force(stiff, flat, depth, h);
+        applies = applies && varies * force < EVEN * depth;
         if (applies) {
-            const double h = regular_compliance(c, &p), nu = (double)m->poisson,
-                         stiff = 4.0 / 3 * (double)m->young_Pa / (1 - nu * nu) * sqrt(effective);
-            double force = 0;
-            for (int it = 0; it < 60; it++) /* depth = depth of Hertz + force h */
-                force = 0.5 * force + 0.5 * stiff * pow(fmax(depth - force * h, 0) / flat, 1.5);
             press_hold(c, at, 8);
             *error = (double)palp_norm(c->force_N[0]) / force - 1;
         }
