@@ -126,10 +126,15 @@ bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, sid
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
 	@$(BUILD)/elements
 
-feel: all ## the bench of felt quality on a ball and the sample rabbit: build/feel
+feel: all ## the bench of felt quality on a ball, a box, a plate and the sample rabbit: build/feel
 	@mkdir -p $(BUILD)/feel
 	$(BUILD)/palp bake blobs/ball.obj --loop 2 --as-is --young 3e4 --poisson 0.45 --fix-below z -0.7 -o $(BUILD)/feel/ball.palp
-	$(BUILD)/palp feel $(BUILD)/feel/ball.palp -o $(BUILD)/feel/ball
+	$(BUILD)/palp bake blobs/ball.obj --loop 3 --as-is --young 3e4 --poisson 0.45 --fix-below z -0.7 -o $(BUILD)/feel/ball-fine.palp
+	$(BUILD)/palp feel $(BUILD)/feel/ball.palp --finer $(BUILD)/feel/ball-fine.palp -o $(BUILD)/feel/ball
+	$(BUILD)/palp bake blobs/box.obj --as-is --young 3e4 --poisson 0.45 --fix-below z 1e-6 -o $(BUILD)/feel/box.palp
+	$(BUILD)/palp feel $(BUILD)/feel/box.palp -o $(BUILD)/feel/box
+	$(BUILD)/palp bake blobs/plate.obj --as-is --young 3e4 --poisson 0.45 --fix-below x 1e-6 -o $(BUILD)/feel/plate.palp
+	$(BUILD)/palp feel $(BUILD)/feel/plate.palp -o $(BUILD)/feel/plate
 	$(BUILD)/palp bake blobs/rabbit.model -o $(BUILD)/feel/rabbit.palp
 	$(BUILD)/palp feel $(BUILD)/feel/rabbit.palp -o $(BUILD)/feel/rabbit
 

@@ -8,6 +8,8 @@
 
 #define PATH_TICKS 240 /* of a slide */
 #define PATH_EDGES 4.0 /* its length */
+#define PLAIN 0.6      /* angle by which the surface turns over one edge, where it is plain; */
+#define TRIED 3 /* beyond, the force changes because the surface does. Paths for each wanted */
 
 /* What differs from a parabola through its surroundings of `window` ticks to each side, rms over
  * the force (Savitzky and Golay's smoothing, of second order). */
@@ -23,9 +25,10 @@ static double roughness(const double *f, const double *force, int count, int win
     return sqrt(square);
 }
 
-/* Ripple of a path: of the force, and of its part along the path. */
+/* Ripple of a path: of the force, and of its part along the path; largest angle by which the
+ * surface turns over one edge. */
 typedef struct {
-    double force, along;
+    double force, along, turns;
 } path_ripple;
 
 /* Slides at constant depth; the ripple over a window of one edge to each side. False where the path
@@ -36,7 +39,9 @@ static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t
     palp_contact *c = press_open(b->blob, &tool, 1, level);
     palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.3f, 0.5f, 0.8f};
-    double f[PATH_TICKS], t[PATH_TICKS];
+    palp_vec3 n[PATH_TICKS];
+    const int window = (int)(PATH_TICKS / PATH_EDGES);
+    double f[PATH_TICKS], t[PATH_TICKS], least = 1;
     uint32_t without = 0;
     bool whole = true;
     for (int i = -20; i < PATH_TICKS && whole; i++) {
@@ -48,6 +53,8 @@ static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t
         whole = whole && press_is_clear(b->blob, at, radius, depth);
         press_hold(c, at, 1);
         if (i < 0) continue;
+        n[i] = p.n;
+        if (i >= window) least = fmin(least, (double)palp_dot(n[i], n[i - window]));
         f[i] = (double)palp_norm(c->force_N[0]);
         t[i] = (double)palp_dot(c->force_N[0], along);
         without += !(f[i] > 0);
@@ -55,21 +62,28 @@ static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t
     press_close(c);
     if (!whole) return false;
     *lost += without;
-    const int window = (int)(PATH_TICKS / PATH_EDGES);
-    *r = (path_ripple){roughness(f, f, PATH_TICKS, window), roughness(t, f, PATH_TICKS, window)};
+    *r = (path_ripple){roughness(f, f, PATH_TICKS, window), roughness(t, f, PATH_TICKS, window),
+                       acos(fmax(least, -1))};
     return true;
 }
 
 /* Rows of one tool and depth: the median and the worst path. */
 static void ripple_of(bench *b, double size, double depth, uint32_t level, double goal,
                       double goal_along, uint32_t *lost) {
-    double *force = allocate(b->places, sizeof *force), *along = allocate(b->places, sizeof *along);
-    uint32_t paths = 0;
+    const uint32_t most = TRIED * b->places;
+    double *force = allocate(most, sizeof *force), *along = allocate(most, sizeof *along),
+           *sharp = allocate(most, sizeof *sharp);
+    uint32_t paths = 0, turning = 0;
     char of[72];
-    for (uint32_t i = 0; i < b->places; i++) {
+    for (uint32_t i = 0; i < most && paths < b->places; i++) {
         path_ripple r;
         const double radius = size * b->edge_m;
-        if (!slide(b, b->place[i], radius, depth * radius, level, lost, &r)) continue;
+        const uint32_t node = i < b->places ? b->place[i] : bench_roll_node(b);
+        if (!slide(b, node, radius, depth * radius, level, lost, &r)) continue;
+        if (r.turns > PLAIN) {
+            sharp[turning++] = 100 * r.force;
+            continue;
+        }
         force[paths] = 100 * r.force;
         along[paths++] = 100 * r.along;
     }
@@ -81,8 +95,14 @@ static void ripple_of(bench *b, double size, double depth, uint32_t level, doubl
         feel_add(&b->table, "ripple, tangential", of, bench_median(along, paths), "% rms", NAN,
                  goal_along);
     }
+    snprintf(of, sizeof of, "level %u, tool %g edges, depth %g R, %u paths", level, size, depth,
+             turning);
+    if (turning > 0)
+        feel_add(&b->table, "change at sharp edges", of, bench_median(sharp, turning), "% rms", NAN,
+                 NAN);
     free(force);
     free(along);
+    free(sharp);
 }
 
 void feel_ripple(bench *b) {
