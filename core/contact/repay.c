@@ -75,10 +75,9 @@ static void repay(palp_contact *c, const palp_contact_past *past) {
     for (uint32_t t = 0; t < c->tool_count; t++) {
         if (!presses(c, past, t)) continue;
         const float force = palp_norm(c->force_N[t]);
-        const palp_vec3 wanted =
-            palp_contact_at_most(palp_scale(share, way_of(c, t)), MOST * force);
-        const palp_vec3 change = palp_sub(wanted, before_N[t]);
-        const palp_vec3 repaid = palp_add(before_N[t], palp_contact_at_most(change, STEP * force));
+        const palp_vec3 change = palp_sub(palp_scale(share, way_of(c, t)), before_N[t]);
+        const palp_vec3 repaid = palp_contact_at_most(
+            palp_add(before_N[t], palp_contact_at_most(change, STEP * force)), MOST * force);
         const float k = c->spring[t].stiffness_N_per_m;
         c->repaid_N[t] = repaid;
         c->force_N[t] = palp_add(c->force_N[t], repaid);
