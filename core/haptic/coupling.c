@@ -129,6 +129,21 @@ void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *co
     }
 }
 
+/* -b v along a force, at most a share of it. */
+static palp_vec3 damp_along(palp_vec3 force, float damping, palp_vec3 velocity) {
+    const float size = palp_norm(force), most = PALP_COUPLING_DAMPED * size;
+    if (!(size > 0.0f)) return (palp_vec3){0};
+    const palp_vec3 n = palp_scale(1.0f / size, force);
+    return palp_scale(-palp_clamp(damping * palp_dot(velocity, n), -most, most), n);
+}
+
+/* Along the contact's force and, where friction sticks, along that. */
+static palp_vec3 damper(const palp_coupling_tool *k, palp_vec3 velocity) {
+    const palp_vec3 normal = damp_along(k->contact_N, k->damping_Ns_per_m, velocity);
+    if (!k->friction.touching || k->friction.slipping) return normal;
+    return palp_add(normal, damp_along(k->friction.force_N, k->damping_Ns_per_m, velocity));
+}
+
 /* Ends a tick for one tool, at rest at `tool_m`. */
 static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float stored_J, float dt_s,
                 palp_coupling_result *result) {
@@ -143,7 +158,12 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
                    0.5f / k->stiffness_N_per_m * palp_dot(force, force);
     if (before && k->touching) {
         palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
-        force = palp_madd(force, -k->damping_Ns_per_m, velocity);
+        force = palp_add(force, damper(k, k->measured ? k->velocity_m_s : velocity));
+    }
+    if (k->touching) { /* a tool that lags behind must not pull */
+        const float size2 = palp_dot(k->contact_N, k->contact_N),
+                    along = palp_dot(force, k->contact_N);
+        if (along < 0.0f && size2 > 0.0f) force = palp_madd(force, -along / size2, k->contact_N);
     }
     k->device_m = device;
     k->offset_N = palp_scale(1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f), k->offset_N);

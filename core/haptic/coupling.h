@@ -4,7 +4,14 @@
  * to rest on the surface (a proxy, with the device's limit of stiffness).
  *
  *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left
- * over force on the hand = k (tool - device) - b v    while touching, else 0
+ * over force on the hand = k (tool - device) + D      while touching, else 0
+ *
+ * The damper D acts against the velocity v of the device along F alone, and along T where that
+ * sticks, by at most half of each:
+ *
+ *     D_n = - clamp(b v . n, -|F| / 2, |F| / 2) n,   n = F / |F|
+ *
+ * So it comes in with the force, does not drag across a smooth surface, and never pulls.
  *
  * Where the tool will be is foreseen from what the last contact resisted with: along its force with
  * the stiffness k_c = 0.6 F^2 / E (exact for Hertz' law), not at all across it,
@@ -27,6 +34,7 @@
 #define PALP_COUPLING_LOOKS 256u /* nodes a tick, while a tool is placed */
 #define PALP_COUPLING_FADE_S 0.03f
 #define PALP_COUPLING_OFFSET 0.1f
+#define PALP_COUPLING_DAMPED 0.5f
 #define PALP_COUPLING_SETTLING 3u /* answers after a change of level that O makes up for */
 
 /* One tool on its spring. */
@@ -34,10 +42,12 @@ typedef struct {
     float stiffness_N_per_m; /* k > 0 */
     float damping_Ns_per_m;  /* b >= 0 */
     palp_vec3 tool_m, device_m;
-    palp_vec3 expected_m;            /* the tool, foreseen for the tick under way */
-    palp_vec3 contact_N;             /* F of the last answer */
-    palp_vec3 offset_N;              /* O */
-    palp_vec3 carried_m;             /* by the bodies that press it, since that answer */
+    palp_vec3 velocity_m_s; /* of the device, set by who measures it better than by differences */
+    bool measured;          /* of places; then this is set too */
+    palp_vec3 expected_m;   /* the tool, foreseen for the tick under way */
+    palp_vec3 contact_N;    /* F of the last answer */
+    palp_vec3 offset_N;     /* O */
+    palp_vec3 carried_m;    /* by the bodies that press it, since that answer */
     float contact_stiffness_N_per_m; /* k_c */
     palp_friction friction;
     bool placed, touching;

@@ -147,8 +147,11 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     const palp_placement *p = &s->config.placement;
     palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
+    palp_coupling_tool *spring = &s->answer.coupling.tool[0];
     palp_coupling_result result;
     palp_answer_report a;
+    spring->velocity_m_s = palp_scale(p->scale, palp_rotate(p->rotation, r->tip_velocity_m_s));
+    spring->measured = true;
     palp_answer_tick(&s->answer, s->start_ns, &device, &result, &a);
     s->counters.coarsened = s->answer.coarsened;
     s->counters.refined = s->answer.refined;
