@@ -17,35 +17,59 @@ static bool demand_is_finite(const palp_output_demand *d) {
     return good;
 }
 
-/* What the mechanism asks for besides the touch, at motor i. */
-static float extra_torque(const palp_device *device, const palp_output_demand *demand,
-                          const float *lift, const float *friction, uint32_t i) {
-    float limit = device->drives.torque_max_Nm;
-    float joint = demand->lift * lift[i] + demand->friction * friction[i];
-    float motor = joint / device->gear[i] + demand->lift * demand->feedforward_Nm[i];
-    return palp_clamp(motor, -limit, limit);
+/* What a change of the tip's force within the slew limit may change the torques of the motors by.
+ */
+static void torque_slew(const palp_device *device, const palp_pose *pose, float dt_s,
+                        float slew_Nm[PALP_AXES]) {
+    const float step = device->slew_max_N_per_s * dt_s;
+    float x[PALP_AXES], y[PALP_AXES], z[PALP_AXES];
+    palp_pose_torques(pose, (palp_vec3){.x = step}, x);
+    palp_pose_torques(pose, (palp_vec3){.y = step}, y);
+    palp_pose_torques(pose, (palp_vec3){.z = step}, z);
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
+        slew_Nm[i] = palp_norm((palp_vec3){x[i], y[i], z[i]}) / palp_abs(device->gear[i]);
+}
+
+/* The integrator's own torque at motor i. It follows what is wanted with what the touch leaves of
+ * the slew limit, and has what the rest of the torque leaves of the motor's. */
+static float feed_forward(palp_output *output, float wanted_Nm, float touch_Nm, float rest_Nm,
+                          float limit_Nm, float slew_Nm, uint32_t i, bool *slewed) {
+    const float left = palp_max(slew_Nm - palp_abs(touch_Nm - output->touch_Nm[i]), 0.0f);
+    const float change = wanted_Nm - output->feedforward_Nm[i];
+    *slewed = *slewed || palp_abs(change) > left;
+    const float next = output->feedforward_Nm[i] + palp_clamp(change, -left, left);
+    return palp_clamp(next, -limit_Nm - rest_Nm, limit_Nm - rest_Nm);
 }
 
 /*
- * Motor torques for the force and the compensation, within the motors' limit. When they do not fit,
- * the force shrinks, all axes together, so that its direction stays; returns its share.
+ * Motor torques for the force, the compensation and feed-forward, within the motors' limit. When
+ * force and compensation do not fit, the force shrinks, all axes together, so that its direction
+ * stays; returns its share.
  */
-static float motor_torques(const palp_device *device, const palp_pose *pose, palp_vec3 force,
-                           const palp_output_demand *demand, palp_output_result *r) {
-    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES];
+static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
+                           palp_vec3 force, const palp_output_demand *demand, float dt_s,
+                           palp_output_result *r) {
+    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES], slew[PALP_AXES];
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
     palp_pose_torques(pose, force, touch);
     palp_device_compensate(device, pose, demand->dq_rad_s, lift, friction);
+    torque_slew(device, pose, dt_s, slew);
     for (uint32_t i = 0; i < axes; i++) {
         touch[i] /= device->gear[i];
-        extra[i] = extra_torque(device, demand, lift, friction, i);
+        extra[i] = demand->lift * lift[i] + demand->friction * friction[i];
+        extra[i] = palp_clamp(extra[i] / device->gear[i], -limit, limit);
         float room = touch[i] > 0.0f ? limit - extra[i] : limit + extra[i];
         if (palp_abs(touch[i]) > room) share = palp_min(share, room / palp_abs(touch[i]));
     }
     for (uint32_t i = 0; i < axes; i++) {
-        r->touch_torque_Nm[i] = share * touch[i];
-        r->motor_torque_Nm[i] = palp_clamp(share * touch[i] + extra[i], -limit, limit);
+        const float rest = share * touch[i] + extra[i],
+                    wanted = palp_clamp(demand->lift * demand->feedforward_Nm[i], -limit, limit);
+        const float forward =
+            feed_forward(output, wanted, share * touch[i], rest, limit, slew[i], i, &r->slewed);
+        r->touch_torque_Nm[i] = output->touch_Nm[i] = share * touch[i];
+        output->feedforward_Nm[i] = forward;
+        r->motor_torque_Nm[i] = palp_clamp(rest + forward, -limit, limit);
     }
     return share;
 }
@@ -63,14 +87,18 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
         palp_vec3 change =
             shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
         force = palp_add(output->last_N, change);
-        float share = motor_torques(device, pose, force, demand, &r);
+        float share = motor_torques(output, device, pose, force, demand, dt_s, &r);
         if (share < 1.0f) r.limited = true;
         r.force_N = palp_scale(share, force);
         for (uint32_t i = 0; i < PALP_AXES; i++)
             r.bad = r.bad || !palp_is_finite(r.motor_torque_Nm[i]);
         r.bad = r.bad || !palp_vec3_is_finite(r.force_N);
     }
-    if (r.bad) r = (palp_output_result){.bad = true};
+    if (r.bad) {
+        r = (palp_output_result){.bad = true};
+        for (uint32_t i = 0; i < PALP_AXES; i++)
+            output->touch_Nm[i] = output->feedforward_Nm[i] = 0.0f;
+    }
     output->last_N = r.force_N;
     palp_passivity_sent(&output->passivity, r.force_N);
     return r;

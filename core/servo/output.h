@@ -2,7 +2,8 @@
 /*
  * The output chain: finite -> norm limit -> energy limit (passivity.h) -> norm limit -> slew limit
  * -> joint torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes
- * in, what goes out is finite and within the device's limits.
+ * in, what goes out is finite and within the device's limits. Feed-forward takes what the touch
+ * leaves of the slew limit, so that their sum keeps to it.
  */
 #ifndef PALP_SERVO_OUTPUT_H
 #define PALP_SERVO_OUTPUT_H
@@ -11,7 +12,8 @@
 #include "core/servo/passivity.h"
 
 typedef struct {
-    palp_vec3 last_N; /* force of the previous tick */
+    palp_vec3 last_N;                                     /* force of the previous tick */
+    float touch_Nm[PALP_AXES], feedforward_Nm[PALP_AXES]; /* its motor torques */
     palp_passivity passivity;
 } palp_output;
 

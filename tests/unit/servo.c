@@ -41,6 +41,49 @@ static void test_output(void) {
             "and within the slew limit");
 }
 
+/* Feed-forward that jumps, on top of a force that wanders: the sum keeps to the limits. */
+static void test_feed_forward(void) {
+    palp_output out = {0};
+    const palp_device *d = &file.device;
+    const float q[3] = {0.1f, 0.2f, 0.1f}, limit = d->drives.torque_max_Nm;
+    const float step = d->slew_max_N_per_s * 0.001f;
+    const palp_pose pose = palp_forward(&d->kinematics, q);
+    const palp_vec3 along[3] = {{step, 0, 0}, {0, step, 0}, {0, 0, step}};
+    double most[3] = {0}, worst = 0, force_step = 0, arrived = 0;
+    float before[3] = {0};
+    palp_vec3 last = {0};
+    bool within = true, told = false;
+    for (int k = 0; k < 3; k++) {
+        float torque[3];
+        palp_pose_torques(&pose, along[k], torque);
+        for (int i = 0; i < 3; i++) most[i] += pow((double)(torque[i] / d->gear[i]), 2);
+    }
+    for (int t = 0; t < 4000; t++) {
+        palp_output_demand demand = {
+            .force_N = {2.0f * sinf(0.01f * (float)t), 1, 3}, .lift = 1, .friction = 0};
+        const float wanted = t / 500 % 2 == 1 ? 10.0f * limit : 0.3f * limit;
+        for (int i = 0; i < 3; i++) demand.feedforward_Nm[i] = (i == 1 ? -1.0f : 1.0f) * wanted;
+        const palp_output_result r = palp_output_apply(&out, d, NULL, &pose, &demand, 0.001f);
+        for (int i = 0; i < 3; i++) {
+            within = within && fabsf(r.motor_torque_Nm[i]) <= 1.0001f * limit;
+            if (t > 0)
+                worst =
+                    fmax(worst, fabs((double)(r.motor_torque_Nm[i] - before[i])) / sqrt(most[i]));
+            before[i] = r.motor_torque_Nm[i];
+        }
+        if (t > 0) force_step = fmax(force_step, (double)palp_norm(palp_sub(r.force_N, last)));
+        last = r.force_N;
+        told = told || (t == 500 && r.slewed);
+        if (t == 999) arrived = fabs((double)r.motor_torque_Nm[0]) / (double)limit;
+    }
+    CHECK(within, "feed-forward ten times what the motors make: torques within their limit");
+    AT_MOST(worst, 1.001, "change of a motor's torque over what the slew limit allows");
+    AT_MOST(force_step, 1.001 * (double)step, "change of the force at the tip, N");
+    CHECK(told, "it is told that the slew limit was met");
+    CHECK(arrived > 0.99, "and what was wanted comes in the end: %.3f of the motor's limit",
+          arrived);
+}
+
 /* Power cannot come out of a wall that is sampled too slowly: a mass falls on it again and again.
  */
 static double bounce(bool guarded, double *last) {
@@ -290,6 +333,7 @@ int main(void) {
     body = model_bake(twice, 0.004, 0.05, false, false);
     file = device_load("arm3");
     test_output();
+    test_feed_forward();
     test_passivity();
     test_run();
     test_damping();
