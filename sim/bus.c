@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define DRIVE_ERROR 0x40u
+#define GLITCH_TURNS 5.0
 
 void sim_bus_init(sim_bus *b, const device_file *file, hand script, fault_list f) {
     double start[3];
@@ -59,6 +60,7 @@ static void strike_device(sim_bus *b) {
     bool drive = fault_now(&b->faults, FAULT_DRIVE, b->time_s) != NULL;
     b->device.stuck = fault_now(&b->faults, FAULT_STUCK, b->time_s) != NULL;
     b->device.offset_turns = jump != NULL ? jump->value : 0;
+    if (fault_strikes(&b->faults, FAULT_GLITCH, b->time_s)) b->device.offset_turns = GLITCH_TURNS;
     if (fault_now(&b->faults, FAULT_NAN, b->time_s) != NULL) b->device.offset_turns = (double)NAN;
     b->device.drive[0].error = drive ? DRIVE_ERROR : 0;
 }

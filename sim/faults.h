@@ -8,6 +8,7 @@
  *   delay                               frames come V seconds later (0.003)
  *   stuck                               the encoders stand still
  *   jump                                the first encoder reads V motor turns more (5)
+ *   glitch                              it does so now and then, with probability V (0.3)
  *   nan                                 the first encoder gives no number
  *   drive                               the first drive reports an error and lets go
  *   busoff, enobufs, down               what the controller's bus does
@@ -27,6 +28,7 @@ typedef enum {
     FAULT_DELAY,
     FAULT_STUCK,
     FAULT_JUMP,
+    FAULT_GLITCH,
     FAULT_NAN,
     FAULT_DRIVE,
     FAULT_BUS_OFF,
@@ -36,7 +38,7 @@ typedef enum {
     FAULT_KINDS
 } fault_kind;
 #define FAULT_NAMES                                                                                \
-    "loss", "duplicate", "reorder", "corrupt", "delay", "stuck", "jump", "nan", "drive", "busoff", \
+    "loss", "duplicate", "reorder", "corrupt", "delay", "stuck", "jump", "glitch", "nan", "drive", "busoff", \
         "enobufs", "down", "overrun"
 
 typedef struct {

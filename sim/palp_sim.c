@@ -22,9 +22,9 @@ static const char help[] =
     "  --hand SCRIPT  'touch' (default) or a file of lines t x y z, in device coordinates\n"
     "  --seconds S    default 10\n"
     "  --rate HZ      of the drives' frames, default 1000\n"
-    "  --fault LIST   KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump nan "
-    "drive\n"
-    "                 busoff down, at T s for D s (0.01), V as in sim/README.md\n"
+    "  --fault LIST   KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "
+    "glitch\n"
+    "                 nan drive busoff down, at T s for D s (0.01), V as in sim/README.md\n"
     "  --seed N       of what is random in them\n"
     "  --lockstep     take turns with a palpd --lockstep\n";
 

@@ -55,6 +55,7 @@ bool palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q
     palp_joint *j = joint;
     if (!believable(j, limits, q_rad, dt_s)) {
         j->bad_in_a_row++;
+        j->bad_history = j->bad_history << 1u | 1u;
         return false;
     }
     bool again = j->samples > 0u && j->sample_tick[j->newest] == j->ticks;
@@ -67,6 +68,7 @@ bool palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q
     j->q_rad = q_rad;
     j->age = 0;
     j->bad_in_a_row = 0;
+    j->bad_history <<= 1u;
     j->known = true;
     return true;
 }

@@ -27,6 +27,7 @@ typedef struct {
     uint32_t age;    /* ticks since the last believed reading; 0: in this tick */
     uint32_t frozen; /* ticks with the very same reading under torque */
     uint32_t bad_in_a_row;
+    uint32_t bad_history; /* bit per reading, newest lowest: not believed */
     bool known;
     float sample_rad[PALP_JOINT_WINDOW]; /* ring of believed readings */
     uint32_t sample_tick[PALP_JOINT_WINDOW];

@@ -23,7 +23,7 @@ typedef struct {
     bool enabled;        /* all act on torque */
     uint32_t status_age; /* ticks, of the drive that was silent longest */
     uint32_t age;        /* ticks, of the oldest joint angle */
-    uint32_t bad_in_a_row, frozen;
+    uint32_t bad_in_a_row, bad_of_32, frozen;
 } palp_axes_health;
 
 /* Most frames out per tick. */

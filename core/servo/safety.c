@@ -38,7 +38,8 @@ static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
     if (s->heartbeat_s > 0.0f && seconds(s, a->status_age) > PALP_HEARTBEATS * s->heartbeat_s)
         faults |= PALP_FAULT_HEARTBEAT;
     if (seconds(s, s->blind_ticks) >= PALP_LOST_S) faults |= PALP_FAULT_LOST;
-    if (a->bad_in_a_row >= PALP_BAD_IN_A_ROW) faults |= PALP_FAULT_INPUT;
+    if (a->bad_in_a_row >= PALP_BAD_IN_A_ROW || a->bad_of_32 >= PALP_BAD_OF_32)
+        faults |= PALP_FAULT_INPUT;
     if (seconds(s, a->frozen) >= PALP_FROZEN_S) faults |= PALP_FAULT_FROZEN;
     return faults;
 }

@@ -36,7 +36,7 @@ typedef enum {
 
 #define PALP_FAULT_DRIVE 1u      /* a drive reports an error or has left its loop */
 #define PALP_FAULT_LOST 2u       /* no encoder value for PALP_LOST_S */
-#define PALP_FAULT_INPUT 4u      /* several implausible encoder values in a row */
+#define PALP_FAULT_INPUT 4u      /* several implausible encoder values in a row, or many */
 #define PALP_FAULT_OUTPUT 8u     /* a force or torque was not finite */
 #define PALP_FAULT_HEARTBEAT 16u /* heartbeat missing */
 #define PALP_FAULT_BUS 32u       /* bus-off, dead link, or frames not taken */
@@ -70,6 +70,7 @@ typedef enum {
     0.02f                  /* drives get this to act on the enable sequence before being believed */
 #define PALP_FROZEN_S 0.5f /* half of it is counted, all of it is a fault */
 #define PALP_BAD_IN_A_ROW 3u
+#define PALP_BAD_OF_32 6u    /* of the last 32 readings of an axis */
 #define PALP_HEARTBEATS 2.5f /* periods */
 #define PALP_TARDY 3u        /* late ticks within PALP_TARDY_WINDOW that are one too many */
 #define PALP_TARDY_WINDOW 32u
