@@ -4,6 +4,7 @@
 #include "device.h"
 #include "tools/args.h"
 #include "tools/util.h"
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -66,28 +67,36 @@ static bool set_scalar(reading *r, const argument *a) {
     const struct {
         const char *key;
         float *value;
-    } positive[] = {{"--upper", &p->kinematics.upper_m},
-                    {"--fore", &p->kinematics.fore_m},
-                    {"--base", &p->kinematics.base_m},
-                    {"--counts", &p->drives.counts_per_rev},
-                    {"--bitrate", &p->bit_rate_bps},
-                    {"--data-bitrate", &p->data_rate_bps},
-                    {"--rated-torque", &p->drives.rated_torque_Nm},
-                    {"--watchdog", &p->drives.watchdog_s},
-                    {"--torque-lag", &p->drives.torque_lag_s},
-                    {"--torque-max", &p->drives.torque_max_Nm},
-                    {"--force-max", &p->force_max_N},
-                    {"--slew-max", &p->slew_max_N_per_s},
-                    {"--speed-max", &p->speed_max_m_s},
-                    {"--workspace", &p->workspace_radius_m},
-                    {"--tool", &p->tool_radius_m},
-                    {"--stiffness-max", &p->stiffness_max_N_per_m},
-                    {"--damping-max", &p->damping_max_Ns_per_m},
-                    {"--damping", &p->damping_Ns_per_m},
-                    {"--mass", &p->mass_kg}};
+        double low, high; /* what a device that a hand holds may have */
+        const char *unit;
+    } positive[] = {{"--upper", &p->kinematics.upper_m, 0.005, 2, "m"},
+                    {"--fore", &p->kinematics.fore_m, 0.005, 2, "m"},
+                    {"--base", &p->kinematics.base_m, 0.0005, 2, "m"},
+                    {"--counts", &p->drives.counts_per_rev, 8, 1e9, ""},
+                    {"--bitrate", &p->bit_rate_bps, 1e4, 1e8, "bit/s"},
+                    {"--data-bitrate", &p->data_rate_bps, 1e4, 1e8, "bit/s"},
+                    {"--rated-torque", &p->drives.rated_torque_Nm, 1e-4, 1e3, "Nm"},
+                    {"--watchdog", &p->drives.watchdog_s, 1e-4, 10, "s"},
+                    {"--torque-lag", &p->drives.torque_lag_s, 0, 0.1, "s"},
+                    {"--torque-max", &p->drives.torque_max_Nm, 1e-4, 1e3, "Nm"},
+                    {"--force-max", &p->force_max_N, 0.01, 500, "N"},
+                    {"--slew-max", &p->slew_max_N_per_s, 0.1, 1e6, "N/s"},
+                    {"--speed-max", &p->speed_max_m_s, 0.01, 20, "m/s"},
+                    {"--workspace", &p->workspace_radius_m, 0.002, 2, "m"},
+                    {"--tool", &p->tool_radius_m, 1e-4, 0.5, "m"},
+                    {"--stiffness-max", &p->stiffness_max_N_per_m, 1, 1e6, "N/m"},
+                    {"--damping-max", &p->damping_max_Ns_per_m, 0, 1e3, "Ns/m"},
+                    {"--damping", &p->damping_Ns_per_m, 0, 1e3, "Ns/m"},
+                    {"--mass", &p->mass_kg, 1e-3, 50, "kg"}};
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
         if (strcmp(positive[i].key, a->option) != 0) continue;
-        *positive[i].value = (float)arg_between(a, 0, 1e9);
+        const double v = arg_between(a, 0, 1e9);
+        if (v < positive[i].low || v > positive[i].high)
+            die(EXIT_USAGE,
+                "%s: %g %s is implausible for a device that a hand holds (%g to %g; lengths are "
+                "m, forces N)",
+                a->where, v, positive[i].unit, positive[i].low, positive[i].high);
+        *positive[i].value = (float)v;
         return true;
     }
     return false;
@@ -216,6 +225,36 @@ static void check(const reading *r, const char *name) {
             name);
 }
 
+/* What fits no rule but hardly can be meant. */
+static void doubt(const palp_device *p, const char *name) {
+    const float home[PALP_AXES] = {0};
+    const palp_pose pose = palp_forward(&p->kinematics, home);
+    const float reach = p->kinematics.upper_m + p->kinematics.fore_m;
+    float most = 0;
+    const palp_vec3 along[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (int k = 0; k < 3 && pose.reachable; k++) {
+        float torque[PALP_AXES] = {0}, force = HUGE_VALF;
+        palp_pose_torques(&pose, along[k], torque);
+        for (uint32_t i = 0; i < palp_axes(&p->kinematics); i++) {
+            if (fabsf(torque[i]) > 1e-6f)
+                force = fminf(force, p->drives.torque_max_Nm * fabsf(p->gear[i] / torque[i]));
+        }
+        if (force < HUGE_VALF) most = fmaxf(most, force);
+    }
+    if (p->workspace_radius_m > reach)
+        warn("%s: a workspace of %g m radius is beyond the reach of %g m", name,
+             (double)p->workspace_radius_m, (double)reach);
+    if (most > 0 && p->force_max_N > 3 * most)
+        warn("%s: force-max is %g N, but at home the motors make %g N at most", name,
+             (double)p->force_max_N, (double)most);
+    if (p->slew_max_N_per_s * 1e-3f > p->force_max_N)
+        warn("%s: slew-max %g N/s limits nothing: force-max %g N comes within a millisecond", name,
+             (double)p->slew_max_N_per_s, (double)p->force_max_N);
+    if (p->tool_radius_m > reach)
+        warn("%s: a tool of %g m radius on a device of %g m reach", name, (double)p->tool_radius_m,
+             (double)reach);
+}
+
 static const char *builtin_text(const char *name) {
     for (size_t i = 0; builtin_devices[i][0] != NULL; i++) {
         if (strcmp(builtin_devices[i][0], name) == 0) return builtin_devices[i][1];
@@ -258,6 +297,7 @@ device_file device_read(const char *name, const char *text) {
         .d.device.drives = {.watchdog_s = 0.05f, .torque_lag_s = 0.0002f, .rate_hz = 1000}};
     args_parse_text(name, text, keys, set_key, &r);
     check(&r, name);
+    doubt(&r.d.device, name);
     snprintf(r.d.name, sizeof r.d.name, "%s", name);
     return r.d;
 }

@@ -6,11 +6,14 @@
 #define PLAUSIBLE 2.0f             /* a joint may move this many times what its speed limit asks */
 #define FRICTION_SPEED_RAD_S 0.05f /* below it friction is compensated in proportion */
 
+static bool is_positive(float x) { return x > 0.0f && palp_is_finite(x); }
+
 bool palp_device_is_sound(const palp_device *d) {
     bool sound = palp_kinematics_is_sound(&d->kinematics) &&
-                 palp_drive_config_is_sound(&d->drives) && d->force_max_N > 0.0f &&
-                 d->slew_max_N_per_s > 0.0f && d->speed_max_m_s > 0.0f &&
-                 d->workspace_radius_m > 0.0f && d->stiffness_max_N_per_m > 0.0f &&
+                 palp_drive_config_is_sound(&d->drives) && is_positive(d->force_max_N) &&
+                 is_positive(d->slew_max_N_per_s) && is_positive(d->speed_max_m_s) &&
+                 is_positive(d->workspace_radius_m) && is_positive(d->stiffness_max_N_per_m) &&
+                 palp_is_finite(d->damping_max_Ns_per_m) && palp_is_finite(d->damping_Ns_per_m) &&
                  d->damping_max_Ns_per_m >= 0.0f && d->damping_Ns_per_m >= 0.0f &&
                  palp_vec3_is_finite(d->compensation.lift_N);
     uint32_t most = d->drives.protocol == PALP_PROTOCOL_CIA402 ? 126u

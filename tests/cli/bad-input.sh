@@ -100,6 +100,14 @@ sed 's/^mass.*/mass -1/' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "out of range" "palpd: bad device file" $palpd good.palp --bus loop --device bad.dev
 sed '/^mass/d' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "'mass' is missing" "palpd: incomplete device file" $palpd good.palp --bus loop --device bad.dev
+for bad in "upper 140" "force-max 1e8" "workspace 60" "slew-max 1e8" "mass 1000" "stiffness-max 1e9"; do
+    printf 'like arm3\n%s\n' "$bad" >bad.dev
+    refuses 2 "implausible for a device" "a device with $bad" $palp info --device bad.dev
+done
+printf 'like arm3\nworkspace 0.4\n' >odd.dev
+$palp info --device odd.dev >out.txt 2>err.txt && grep -q "beyond the reach of 0.28 m" err.txt; ok $? "a workspace out of reach is warned of, with both figures"
+printf 'like arm3\nforce-max 200\nslew-max 900000\n' >odd.dev
+$palp info --device odd.dev >out.txt 2>err.txt && grep -q "motors make 25" err.txt && grep -q "limits nothing" err.txt; ok $? "and limits that limit nothing"
 refuses 2 "inside palpd" "palp-sim: loop" $palp_sim --bus loop --device arm3
 set_csv "1,f,1,0,0"
 echo kept >real.csv; ln -s real.csv link.csv; $palp solve good.palp --set set.csv -o link.csv && [ -L link.csv ] && grep -q ux real.csv
