@@ -100,7 +100,7 @@ sed 's/^mass.*/mass -1/' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "out of range" "palpd: bad device file" $palpd good.palp --bus loop --device bad.dev
 sed '/^mass/d' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "'mass' is missing" "palpd: incomplete device file" $palpd good.palp --bus loop --device bad.dev
-for bad in "upper 140" "force-max 1e8" "workspace 60" "slew-max 1e8" "mass 1000" "stiffness-max 1e9"; do
+for bad in "upper 140" "force-max 1e8" "workspace 60" "slew-max 1e8" "mass 1000" "stiffness-max 1e8"; do
     printf 'like arm3\n%s\n' "$bad" >bad.dev
     refuses 2 "implausible for a device" "a device with $bad" $palp info --device bad.dev
 done

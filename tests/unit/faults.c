@@ -43,7 +43,7 @@ static const specification specifications[] = {
      6.1},
     {"encoder jumps 0.3 turns", "jump@%g+0.1=0.3", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible),
      3.1, 6.1},
-    {"encoder jumps now and then", "glitch@%g+1.5", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible),
+    {"encoder jumps now and then", "glitch@%g+0.5", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible),
      60, 80},
     {"not a number", "nan@%g+0.1", LATCHES, PALP_FAULT_INPUT, COUNTER(implausible), 3.1, 6.1},
     {"drive reports an error", "drive@%g+0.3", LATCHES, PALP_FAULT_DRIVE, SIZE_MAX, 103, 103},
