@@ -71,7 +71,7 @@ static bool set_scalar(reading *r, const argument *a) {
         const char *unit;
     } positive[] = {{"--upper", &p->kinematics.upper_m, 0.005, 2, "m"},
                     {"--fore", &p->kinematics.fore_m, 0.005, 2, "m"},
-                    {"--base", &p->kinematics.base_m, 0.0005, 2, "m"},
+                    {"--base", &p->kinematics.base_m, 0, 2, "m"},
                     {"--counts", &p->drives.counts_per_rev, 8, 1e9, ""},
                     {"--bitrate", &p->bit_rate_bps, 1e4, 1e8, "bit/s"},
                     {"--data-bitrate", &p->data_rate_bps, 1e4, 1e8, "bit/s"},
@@ -90,7 +90,7 @@ static bool set_scalar(reading *r, const argument *a) {
                     {"--mass", &p->mass_kg, 1e-3, 50, "kg"}};
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
         if (strcmp(positive[i].key, a->option) != 0) continue;
-        const double v = arg_between(a, 0, 1e9);
+        const double v = arg_between(a, -1e-9, 1e9);
         if (v < positive[i].low || v > positive[i].high)
             die(EXIT_USAGE,
                 "%s: %g %s is implausible for a device that a hand holds (%g to %g; lengths are "
@@ -245,7 +245,7 @@ static void doubt(const palp_device *p, const char *name) {
         warn("%s: a workspace of %g m radius is beyond the reach of %g m", name,
              (double)p->workspace_radius_m, (double)reach);
     if (most > 0 && p->force_max_N > 3 * most)
-        warn("%s: force-max is %g N, but at home the motors make %g N at most", name,
+        warn("%s: force-max is %g N, but at home the motors make %g N at most along its axes", name,
              (double)p->force_max_N, (double)most);
     if (p->slew_max_N_per_s * 1e-3f > p->force_max_N)
         warn("%s: slew-max %g N/s limits nothing: force-max %g N comes within a millisecond", name,

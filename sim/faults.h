@@ -8,7 +8,7 @@
  *   delay                               frames come V seconds later (0.003)
  *   stuck                               the encoders stand still
  *   jump                                the first encoder reads V motor turns more (5)
- *   glitch                              it does so now and then, with probability V (0.3)
+ *   glitch                              reads 5 turns more now and then: probability V (0.3)
  *   nan                                 the first encoder gives no number
  *   drive                               the first drive reports an error and lets go
  *   busoff, enobufs, down               what the controller's bus does
@@ -38,8 +38,8 @@ typedef enum {
     FAULT_KINDS
 } fault_kind;
 #define FAULT_NAMES                                                                                \
-    "loss", "duplicate", "reorder", "corrupt", "delay", "stuck", "jump", "glitch", "nan", "drive", "busoff", \
-        "enobufs", "down", "overrun"
+    "loss", "duplicate", "reorder", "corrupt", "delay", "stuck", "jump", "glitch", "nan", "drive", \
+        "busoff", "enobufs", "down", "overrun"
 
 typedef struct {
     fault_kind kind;

@@ -362,8 +362,7 @@ static float response(const palp_contact *c, uint32_t t, float most_N) {
     const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f);
     const float steady = 1.0f / (1.0f + STEADY * near * near);
     const float k = c->spring[t].stiffness_N_per_m;
-    float cell = c->patch[t].lattice.used.spacing;
-    if (palp_lattice_is_central(&c->tools[t])) cell *= palp_tool_size(&c->tools[t]);
+    const float cell = palp_contact_cell(c, t);
     if (!(k > 0.0f)) return steady;
     return steady * k * cell / (k * cell + SLOWLY * most_N);
 }

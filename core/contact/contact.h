@@ -156,6 +156,7 @@ typedef struct {
     palp_vec3 repaid_N[PALP_CONTACT_TOOLS];      /* and what makes up for work not done (repay.h) */
     float normal_N[PALP_CONTACT_TOOLS];          /* sum of lambda */
     palp_vec3 held_before_m[PALP_CONTACT_TOOLS]; /* spring.held_m of the last solved tick */
+    float stored_J;                              /* the most that was of late, fading */
     float owed_J;                                /* to the hand */
     float given_share; /* of patch.given, that the patch under way is taken to meet */
     float forward;     /* how far that is put forward, over its size */

@@ -25,6 +25,13 @@ static inline palp_vec3 palp_contact_at_most(palp_vec3 v, float most) {
     return length > most ? palp_scale(most / length, v) : v;
 }
 
+/* Spacing of a tool's lattice where its points lie, about. */
+static inline float palp_contact_cell(const palp_contact *contact, uint32_t tool) {
+    const float spacing = contact->patch[tool].lattice.used.spacing;
+    const palp_tool *t = &contact->tools[tool];
+    return palp_lattice_is_central(t) ? spacing * palp_tool_size(t) : spacing;
+}
+
 /* ---- open.c ---- */
 
 /* A level of this contact's body or zones. */

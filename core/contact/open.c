@@ -202,7 +202,7 @@ void palp_contact_clear(palp_contact *contact) {
     }
     for (uint32_t m = 0; m < PALP_LATTICE_FAR_MODES; m++) c->far_load[m] = 0.0f;
     c->count = c->count_before = c->active_count = 0;
-    c->energy_J = c->owed_J = 0.0f;
+    c->energy_J = c->owed_J = c->stored_J = 0.0f;
     c->solved = false;
     c->crowd = 1.0f;
 }

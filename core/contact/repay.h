@@ -10,13 +10,16 @@
  *     owed += E' - E - sum_t (F'_t + F_t) / 2 . dx_t
  *
  * which stays 0 where F is exact. It is repaid along the way s_t that what holds the tools goes, as
- * a part of F_t that changes by STEP |F_t| in a tick at most:
+ * a part of F_t that changes by STEP |F_t| in a tick at most, unless F_t falls faster:
  *
  *     R_t = owed s_t / ((s + still) (s + way)),   s^2 = sum_t |s_t|^2,   |R_t| <= MOST |F_t|
  *
- * with the motion what is owed to the hand, against it what the hand owes. A hand that rests feels
- * nothing of it. Over a closed path the work is what `owed` has changed by. Bodies that move take
- * energy up by themselves: while they do, nothing is counted or repaid.
+ * with the motion what is owed to the hand, against it what the hand owes. At rest it fades: a hand
+ * then feels of it only what friction and changes of level still move its spring by. Over a closed
+ * path the work is what `owed` has changed by. What is more than OWED of the energy that was stored
+ * of late is forgiven, and so is what is owed when the last tool lets go; the energy of a tool that
+ * comes or goes while others press is not counted. Zones take energy up by themselves, as their
+ * joints and seams move: of a multizone model nothing is counted or repaid.
  */
 #ifndef PALP_CONTACT_REPAY_H
 #define PALP_CONTACT_REPAY_H
@@ -31,8 +34,8 @@ typedef struct {
 
 palp_contact_past palp_contact_past_of(const palp_contact *contact);
 
-/* Balances and repays: at the end of a tick, before the frames of the last one are forgotten. Adds
- * contact->repaid_N to the forces and to where tools come to rest. */
+/* Balances and repays, at the end of a tick: adds contact->repaid_N to the forces and to where
+ * tools come to rest. */
 void palp_contact_repay(palp_contact *contact, const palp_contact_past *past);
 
 #endif

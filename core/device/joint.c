@@ -3,6 +3,7 @@
 #include "core/base/real.h"
 
 #define AGE_LIMIT 0x3fffffffu
+#define AT_STOP 4.0f    /* steps beyond a limit that are believed */
 #define ZERO_REACH 4.0f /* steps within which an exact 0 may be true */
 
 void palp_joint_age(palp_joint *joint, uint32_t periods) {
@@ -13,7 +14,8 @@ void palp_joint_age(palp_joint *joint, uint32_t periods) {
 
 static bool believable(const palp_joint *j, const palp_joint_limits *l, float q, float dt_s) {
     if (!palp_is_finite(q)) return false;
-    if (!(q >= l->min_rad && q <= l->max_rad)) return false;
+    const float stop = AT_STOP * l->step_rad; /* where it may rest and flicker */
+    if (!(q >= l->min_rad - stop && q <= l->max_rad + stop)) return false;
     if (!j->known) return true;
     float elapsed = dt_s * (float)(j->age + 1u);
     float went = palp_abs(q - j->q_rad);

@@ -2,8 +2,9 @@
 /*
  * One joint as its encoder tells it: which readings are believed, and how fast it moves.
  *
- * A reading is refused when it is not finite, out of the joint's limits, farther from the last one
- * than the joint can go, or a jump to exactly 0 (what some drives send when they do not know).
+ * A reading is refused when it is not finite, out of the joint's limits by some steps, farther from
+ * the last one than the joint can go, or a jump to exactly 0 (what some drives send when they do
+ * not know).
  *
  * Velocity by first-order adaptive windowing: the slope of the longest line, ending at the newest
  * sample, that passes every sample between within one encoder step (Janabi-Sharifi, Hayward, Chen

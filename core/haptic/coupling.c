@@ -150,17 +150,15 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
     palp_coupling_tool *k = &coupling->tool[t];
     const palp_vec3 device = coupling->next_m[t];
     palp_vec3 force = {0};
-    bool before = k->placed && k->touching;
     float moved = palp_norm(palp_sub(tool_m, k->expected_m));
     k->tool_m = tool_m;
     if (k->touching) force = palp_scale(k->stiffness_N_per_m, palp_sub(tool_m, device));
     float energy = stored_J + palp_friction_energy(&k->friction) +
                    0.5f / k->stiffness_N_per_m * palp_dot(force, force);
-    if (before && k->touching) {
+    if (k->touching) {
         palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
         force = palp_add(force, damper(k, k->measured ? k->velocity_m_s : velocity));
-    }
-    if (k->touching) { /* a tool that lags behind must not pull */
+        /* a tool that lags behind must not pull */
         const float size2 = palp_dot(k->contact_N, k->contact_N),
                     along = palp_dot(force, k->contact_N);
         if (along < 0.0f && size2 > 0.0f) force = palp_madd(force, -along / size2, k->contact_N);

@@ -100,12 +100,6 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
     }
 }
 
-static uint32_t bits_of(uint32_t history) {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < 32u; i++) count += history >> i & 1u;
-    return count;
-}
-
 palp_axes_health palp_axes_look(const palp_device_axes *axes) {
     palp_axes_health h = {.heard = true, .configured = true, .well = true, .enabled = true};
     for (uint32_t i = 0; i < axes->count; i++) {
@@ -120,7 +114,7 @@ palp_axes_health palp_axes_look(const palp_device_axes *axes) {
         h.status_age = d->status_age > h.status_age ? d->status_age : h.status_age;
         h.age = age > h.age ? age : h.age;
         h.bad_in_a_row = j->bad_in_a_row > h.bad_in_a_row ? j->bad_in_a_row : h.bad_in_a_row;
-        const uint32_t bad = bits_of(j->bad_history);
+        const uint32_t bad = palp_bits(j->bad_history);
         h.bad_of_32 = bad > h.bad_of_32 ? bad : h.bad_of_32;
         h.frozen = j->frozen > h.frozen ? j->frozen : h.frozen;
     }

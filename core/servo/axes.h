@@ -7,6 +7,14 @@
 #include "core/device/joint.h"
 #include "core/servo/counters.h"
 
+/* How many bits are set, added up in pairs, fours, eights and all. */
+static inline uint32_t palp_bits(uint32_t x) {
+    x -= (x >> 1u) & 0x55555555u;
+    x = (x & 0x33333333u) + ((x >> 2u) & 0x33333333u);
+    x = (x + (x >> 4u)) & 0x0f0f0f0fu;
+    return (x * 0x01010101u) >> 24u;
+}
+
 typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];

@@ -31,14 +31,18 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
 }
 
 /* The integrator's own torque at motor i. It follows what is wanted with what the touch leaves of
- * the slew limit, and has what the rest of the torque leaves of the motor's. */
-static float feed_forward(palp_output *output, float wanted_Nm, float touch_Nm, float rest_Nm,
-                          float limit_Nm, float slew_Nm, uint32_t i, bool *slewed) {
+ * the slew limit, and has what the rest of the torque leaves of the motor's. What fades the force
+ * (lift) fades it at once. */
+static float feed_forward(palp_output *output, float wanted_Nm, float lift, float touch_Nm,
+                          float rest_Nm, float limit_Nm, float slew_Nm, uint32_t i, bool *slewed) {
     const float left = palp_max(slew_Nm - palp_abs(touch_Nm - output->touch_Nm[i]), 0.0f);
     const float change = wanted_Nm - output->feedforward_Nm[i];
     *slewed = *slewed || palp_abs(change) > left;
-    const float next = output->feedforward_Nm[i] + palp_clamp(change, -left, left);
-    return palp_clamp(next, -limit_Nm - rest_Nm, limit_Nm - rest_Nm);
+    output->feedforward_Nm[i] += palp_clamp(change, -left, left);
+    const float forward = lift * output->feedforward_Nm[i];
+    const float fits = palp_clamp(forward, -limit_Nm - rest_Nm, limit_Nm - rest_Nm);
+    *slewed = *slewed || palp_abs(fits - forward) > 0.0f;
+    return fits;
 }
 
 /*
@@ -49,7 +53,8 @@ static float feed_forward(palp_output *output, float wanted_Nm, float touch_Nm, 
 static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
                            palp_vec3 force, const palp_output_demand *demand, float dt_s,
                            palp_output_result *r) {
-    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES], slew[PALP_AXES];
+    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
+        slew[PALP_AXES] = {0.0f};
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
     palp_pose_torques(pose, force, touch);
@@ -64,11 +69,10 @@ static float motor_torques(palp_output *output, const palp_device *device, const
     }
     for (uint32_t i = 0; i < axes; i++) {
         const float rest = share * touch[i] + extra[i],
-                    wanted = palp_clamp(demand->lift * demand->feedforward_Nm[i], -limit, limit);
-        const float forward =
-            feed_forward(output, wanted, share * touch[i], rest, limit, slew[i], i, &r->slewed);
+                    wanted = palp_clamp(demand->feedforward_Nm[i], -limit, limit);
+        const float forward = feed_forward(output, wanted, demand->lift, share * touch[i], rest,
+                                           limit, slew[i], i, &r->slewed);
         r->touch_torque_Nm[i] = output->touch_Nm[i] = share * touch[i];
-        output->feedforward_Nm[i] = forward;
         r->motor_torque_Nm[i] = palp_clamp(rest + forward, -limit, limit);
     }
     return share;

@@ -20,9 +20,7 @@ static bool force_is_on(palp_state state) {
 static float seconds(const palp_safety *s, uint32_t ticks) { return (float)ticks * s->dt_s; }
 
 static bool repeatedly_late(const palp_safety *s) {
-    uint32_t late = 0;
-    for (uint32_t i = 0; i < PALP_TARDY_WINDOW; i++) late += s->tardy_history >> i & 1u;
-    return late >= PALP_TARDY;
+    return palp_bits(s->tardy_history) >= PALP_TARDY;
 }
 
 /* What is a fault in any state. A full queue before anybody answers is no news. */

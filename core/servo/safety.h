@@ -72,8 +72,7 @@ typedef enum {
 #define PALP_BAD_IN_A_ROW 3u
 #define PALP_BAD_OF_32 6u    /* of the last 32 readings of an axis */
 #define PALP_HEARTBEATS 2.5f /* periods */
-#define PALP_TARDY 3u        /* late ticks within PALP_TARDY_WINDOW that are one too many */
-#define PALP_TARDY_WINDOW 32u
+#define PALP_TARDY 3u        /* late ticks of the last 32 that are one too many */
 
 typedef struct {
     palp_state state;

@@ -150,7 +150,8 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     palp_coupling_tool *spring = &s->answer.coupling.tool[0];
     palp_coupling_result result;
     palp_answer_report a;
-    spring->velocity_m_s = palp_scale(p->scale, palp_rotate(p->rotation, r->tip_velocity_m_s));
+    const float fresh = s->health.age == 0u ? p->scale : 0.0f;
+    spring->velocity_m_s = palp_scale(fresh, palp_rotate(p->rotation, r->tip_velocity_m_s));
     spring->measured = true;
     palp_answer_tick(&s->answer, s->start_ns, &device, &result, &a);
     s->counters.coarsened = s->answer.coarsened;

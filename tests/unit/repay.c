@@ -35,22 +35,32 @@ typedef struct {
     double work, share, step; /* over stored; of what is repaid over the force, and its change */
 } round_result;
 
-/* The second of two rounds, in so many ticks; the tool is held rigidly. `levels`: a change of level
- * every 50 ticks. */
-static round_result go_round(const round_path *p, int ticks, uint32_t level, uint32_t levels) {
+/* The second of two rounds, in so many ticks; the tool is held rigidly, or on a spring that the
+ * force stretches by `soft` cells of its lattice, about. `levels`: a change of level every 50
+ * ticks. */
+static round_result go_round(const round_path *p, int ticks, uint32_t level, uint32_t levels,
+                             double soft) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
     palp_contact *c = press_open(&p->body->blob, &tool, 1, level);
     palp_vec3 before_m = {0}, before_N = {0}, repaid_N = {0};
     round_result r = {.work = 0};
-    double stored = 0;
+    double stored = 0, stiffness = 0;
+    palp_vec3 rest = on_path(p, 0);
     for (int k = 0; k <= 2 * ticks; k++) {
-        const palp_vec3 at = on_path(p, (double)k / ticks);
+        palp_vec3 at = on_path(p, (double)k / ticks);
         if (levels > 0) c->now = level - (uint32_t)(k / 50) % levels;
-        press_hold(c, at, 1);
-        const double size = (double)palp_norm(c->force_N[0]);
-        r.share = fmax(r.share, (double)palp_norm(c->repaid_N[0]) / size);
-        r.step = fmax(r.step, (double)palp_norm(palp_sub(c->repaid_N[0], repaid_N)) / size);
+        if (soft > 0 && k == 1)
+            stiffness = (double)(palp_norm(c->force_N[0]) /
+                                 (c->patch[0].lattice.used.spacing * (float)p->radius)) /
+                        soft;
+        const palp_contact_spring spring = {.held_m = at, .stiffness_N_per_m = (float)stiffness};
+        if (!(stiffness > 0)) rest = at;
+        palp_contact_solve(c, &rest, &spring);
+        at = rest = c->rest_m[0];
         if (k > ticks) {
+            const double size = (double)palp_norm(c->force_N[0]);
+            r.share = fmax(r.share, (double)palp_norm(c->repaid_N[0]) / size);
+            r.step = fmax(r.step, (double)palp_norm(palp_sub(c->repaid_N[0], repaid_N)) / size);
             const palp_vec3 mean = palp_scale(0.5f, palp_add(before_N, c->force_N[0]));
             r.work += (double)palp_dot(mean, palp_sub(at, before_m));
             stored = fmax(stored, (double)c->energy_J);
@@ -67,16 +77,16 @@ static round_result go_round(const round_path *p, int ticks, uint32_t level, uin
 static void test_rounds(const round_path *p, const char *name, double slow, double fast) {
     round_result all = {.work = 0};
     for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++) {
-        const round_result r = go_round(p, 3000, l, 0);
+        const round_result r = go_round(p, 3000, l, 0, 0);
         all = (round_result){fmax(all.work, r.work), fmax(all.share, r.share),
                              fmax(all.step, r.step)};
     }
     AT_MOST(all.work, slow, "%s, round in 3000 ticks, all levels: net work over stored", name);
     AT_MOST(all.share, 0.0202, "%s: what is repaid over the force", name);
     AT_MOST(all.step, 0.00102, "%s: its change in a tick", name);
-    const round_result quick = go_round(p, 40, 3, 0);
+    const round_result quick = go_round(p, 40, 3, 0, 0);
     AT_MOST(quick.work, fast, "%s, round in 40 ticks: net work over stored", name);
-    const round_result changing = go_round(p, 3000, 4, 3);
+    const round_result changing = go_round(p, 3000, 4, 3, 0);
     AT_MOST(changing.work, 10 * slow, "%s, through three levels in turn: net work over stored",
             name);
 }
@@ -134,6 +144,46 @@ static void test_two(const round_path p[2]) {
     press_close(c);
 }
 
+/* On a spring: the work is that on the tool, and little is repaid where little is owed. */
+static void test_spring(const round_path *p, double soft) {
+    const round_result r = go_round(p, 2000, 3, 0, soft);
+    AT_MOST(r.work, 1e-4, "on a spring stretched by %g cells: net work over stored", soft);
+    AT_MOST(r.share, 0.005, "what is repaid over the force");
+}
+
+/* Round an edge again and again, too fast to repay: what is owed does not grow. */
+static void test_many(const round_path *p) {
+    const palp_tool tool = palp_tool_sphere((float)p->radius);
+    palp_contact *c = press_open(&p->body->blob, &tool, 1, 3);
+    double most = 0, owed = 0;
+    for (int k = 0; k < 1600; k++) {
+        press_hold(c, on_path(p, k / 40.0), 1);
+        most = fmax(most, (double)c->energy_J);
+        owed = fmax(owed, fabs((double)c->owed_J));
+    }
+    AT_MOST(owed, 0.501 * most, "40 rounds in 40 ms each: owed of %.3g J at most, J", most);
+    press_close(c);
+}
+
+/* One of two tools lets go: its energy is not repaid to the other. */
+static void test_one_lets_go(const round_path p[2]) {
+    const palp_tool tool[2] = {palp_tool_sphere((float)p[0].radius),
+                               palp_tool_sphere((float)p[1].radius)};
+    palp_contact *c = press_open(&p[0].body->blob, tool, 2, 3);
+    double before = 0, jump = 0;
+    for (int k = 0; k < 600; k++) {
+        palp_vec3 at[2] = {on_path(&p[0], k / 3000.0), on_path(&p[1], k / 3000.0)};
+        if (k >= 400) at[1] = palp_madd(p[1].top, 2.0f * (float)p[1].radius, p[1].n);
+        const palp_contact_spring spring[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
+        palp_contact_solve(c, at, spring);
+        const double now = (double)c->owed_J;
+        if (k >= 400 && k < 403) jump = fmax(jump, fabs(now - before) / (double)c->energy_J);
+        before = now;
+    }
+    AT_MOST(jump, 0.02, "one of two tools lets go: what is owed changes, over what is stored, by");
+    press_close(c);
+}
+
 /* What is not touched any more owes nothing. */
 static void test_release(const round_path *p) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
@@ -163,8 +213,12 @@ int main(void) {
     test_rounds(&on_edge, "edge of a box", 1e-3, 0.3);
     test_rounds(&on_corner, "corner of a box", 6e-3, 0.3);
     test_rest(&on_edge);
+    test_spring(&on_face, 2);
+    test_spring(&on_face, 5);
+    test_many(&on_edge);
     const round_path both[2] = {on_face, on_edge};
     test_two(both);
+    test_one_lets_go(both);
     test_release(&on_edge);
     return tap_done();
 }

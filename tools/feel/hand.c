@@ -12,6 +12,7 @@
 #define RATE_HZ 1000.0
 #define MARGIN 0.7 /* share of the period for the answer */
 #define NS_PER_OPERATION 0.5
+#define DAMPING_S 2e-3  /* damping over stiffness, as devices allow */
 #define AFTER_TICKS 100 /* after a disturbance */
 
 /* A script: approach, press, hold, slide, hold, leave; device places at 1 kHz. */
@@ -56,6 +57,7 @@ static hand *open_hand(bench *b, double radius, double ns_per_operation, double 
         return NULL;
     }
     h->answer.coupling.tool[0].stiffness_N_per_m = (float)stiffness;
+    h->answer.coupling.tool[0].damping_Ns_per_m = (float)(DAMPING_S * stiffness);
     return h;
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Closed paths: whether the force is the gradient of an energy. */
+/* Closed paths: what a hand that goes round gives or is given. */
 #include "tools/feel/bench.h"
 #include "tools/press.h"
 #include <math.h>
@@ -28,7 +28,7 @@ static double closed_path(const bench *b, uint32_t node, uint32_t level) {
         before_N = c->force_N[0];
     }
     press_close(c);
-    return work / stored;
+    return stored > 0 ? work / stored : 0;
 }
 
 /* Both signs: what is lost one way round is given the other. */

@@ -8,8 +8,8 @@
 
 #define PATH_TICKS 240 /* of a slide */
 #define PATH_EDGES 4.0 /* its length */
-#define PLAIN 0.6      /* angle by which the surface turns over one edge, where it is plain; */
-#define TRIED 3 /* beyond, the force changes because the surface does. Paths for each wanted */
+#define PLAIN 0.6      /* angle by which the surface turns over one edge, where it is plain */
+#define TRIED 3        /* paths for each that is wanted */
 
 /* What differs from a parabola through its surroundings of `window` ticks to each side, rms over
  * the force (Savitzky and Golay's smoothing, of second order). */
