@@ -57,8 +57,7 @@ bool lockstep_send(can_port *port, const palp_can_frame *frame) {
 
 uint64_t loop_clock(void *context) {
     servo_loop *l = context;
-    if (l->lockstep) return 0;
-    uint64_t now = monotonic_ns(NULL);
+    uint64_t now = l->lockstep ? 0 : monotonic_ns(NULL);
     tick_record *t = l->current;
     if (t == NULL) return now;
     if (t->clock_count == 0 && !t->clock_full) l->first_ns = now;

@@ -14,6 +14,7 @@ for device in arm3 desk3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp 
 done
 
 # ---- replay ----
+loop --device arm3 --lockstep --log step.log >/dev/null 2>&1; $palp replay step.log body.palp >/dev/null 2>&1; ok $? "a log in lockstep repeats as well"
 $palp replay arm3.log body.palp -o replay.csv >/dev/null && [ "$(wc -l <replay.csv)" -eq 3001 ]; ok $? "replay writes a line per tick"
 $palp report arm3.log -o page.html && grep -q '<svg' page.html; ok $? "report draws a log"
 refuses 1 "not the blob" "replay: another blob" $palp replay arm3.log other.palp
