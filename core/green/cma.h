@@ -63,7 +63,7 @@ typedef struct {
     float *detail[PALP_DOMAINS];              /* [slots][4] */
     float *given;     /* [nodes][3] what the column of each node is multiplied with */
     float *carried;   /* [free slots][3] forces on the basis functions of the constraint level */
-    uint8_t *covered; /* [free slots] under a chosen hat */
+    uint8_t *covered; /* [free slots] under a chosen basis function */
     uint8_t *state;   /* [nodes] 1 + condition given, 0 for none */
     palp_vec3 gravity_m_s2;
     uint32_t level; /* on which displacements are imposed */

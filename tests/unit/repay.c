@@ -209,7 +209,7 @@ int main(void) {
                      on_corner = round_about(&box, (palp_vec3){1, 1, 1}, corner, of_box);
     test_rounds(&on_ball, "ball", 1e-4, 2e-3);
     test_rounds(&on_face, "face of a box", 1e-4, 2e-3);
-    /* in 40 ticks there is no time to repay what sharp edges owe (without, it is 0.2 to 0.4) */
+    /* in 40 ticks there is no time to repay what sharp edges owe */
     test_rounds(&on_edge, "edge of a box", 1e-3, 0.3);
     test_rounds(&on_corner, "corner of a box", 6e-3, 0.3);
     test_rest(&on_edge);

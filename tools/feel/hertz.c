@@ -6,9 +6,9 @@
  *     A = (1 / R + k1) / 2,  B = (1 / R + k2) / 2,  R_e = 1 / (2 sqrt(A B))
  *     F = 4/3 E / (1 - nu^2) sqrt(R_e) (d / F2)^(3/2),  F2 = 1 - ((B / A)^0.0684 - 1)^1.531
  *
- * (Johnson, Contact Mechanics, 4.2; F2 after Greenwood, whose force is within 0.6 % of that by
- * elliptic integrals up to B = 8 A). Hertz knows a half-space; the body as a whole gives way by F h
- * besides, h = n . H n of its regular part, where that is even over the contact.
+ * (Johnson, Contact Mechanics, 4.2; F2 is Greenwood's approximation to the elliptic integrals).
+ * Hertz knows a half-space; the body as a whole gives way by F h besides, h = n . H n of its
+ * regular part, where that is even over the contact.
  */
 #include "tools/feel/bench.h"
 #include "tools/dense.h"
@@ -90,7 +90,7 @@ static double regular_compliance(const palp_contact *c, const palp_surface_point
     return sum;
 }
 
-/* The same of a point with itself; *varies: how much less it is a contact radius away. */
+/* The same of a point with itself; *varies: by how much it differs a contact radius away. */
 static double compliance_about(const palp_contact *c, const palp_surface_point *p, double a,
                                double *varies) {
     const double own = regular_compliance(c, p, p);
