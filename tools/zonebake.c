@@ -419,10 +419,7 @@ static void solve_one(zone_bakery *b, uint32_t i, const build_options *options) 
 }
 
 static rest_model model_at_rest(const zone_bakery *b) {
-    rest_model r = {.zones = b->z->zones,
-                    .seams = b->seams,
-                    .seam = b->seam,
-                    .entry = b->entry};
+    rest_model r = {.zones = b->z->zones, .seams = b->seams, .seam = b->seam, .entry = b->entry};
     for (uint32_t i = 0; i < r.zones; i++) {
         const zone_data *d = &b->zone[i];
         const body_spec *body = &b->z->zone[i].body;

@@ -34,6 +34,14 @@ static inline bool palp_is_finite(float x) {
     return (bits.u & 0x7f800000u) != 0x7f800000u;
 }
 
+static inline bool palp_same_bits(float a, float b) {
+    union {
+        float f;
+        uint32_t u;
+    } x = {.f = a}, y = {.f = b};
+    return x.u == y.u;
+}
+
 static inline palp_vec3 palp_vec3_at(const float *p) { return (palp_vec3){p[0], p[1], p[2]}; }
 static inline palp_vec3 palp_add(palp_vec3 a, palp_vec3 b) {
     return (palp_vec3){a.x + b.x, a.y + b.y, a.z + b.z};

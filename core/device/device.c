@@ -54,11 +54,6 @@ float palp_device_stiffest(const palp_device *device) {
     return device->mass_kg > 0.0f ? 0.5f * device->mass_kg / (seen * seen) : FLT_MAX;
 }
 
-float palp_device_brake(const palp_device *device) {
-    return device->mass_kg > 0.0f ? 0.5f * device->mass_kg * device->drives.rate_hz
-                                  : device->damping_max_Ns_per_m;
-}
-
 float palp_device_joint_speed(const palp_device *device) {
     float reach = palp_min(device->kinematics.upper_m, device->kinematics.fore_m);
     return PLAUSIBLE * device->speed_max_m_s / (0.5f * reach);

@@ -45,10 +45,6 @@ float palp_device_coupling(const palp_device *device);
  * radians per period and age of estimates: m / (2 (T + t_d)^2) (N/m). Without a mass: no limit. */
 float palp_device_stiffest(const palp_device *device);
 
-/* The strongest brake that the passivity controller may use, which takes half of the mechanism's
- * momentum in a period: m / (2 T); without a mass the coupling's damping (Ns/m). */
-float palp_device_brake(const palp_device *device);
-
 /* How fast a joint can turn when the tip moves at its limit, with room to spare (rad/s). */
 float palp_device_joint_speed(const palp_device *device);
 

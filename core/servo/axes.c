@@ -37,32 +37,26 @@ void palp_axes_forget(palp_device_axes *axes) {
     }
 }
 
-static bool same_bits(float a, float b) {
-    union {
-        float f;
-        uint32_t u;
-    } x = {.f = a}, y = {.f = b};
-    return x.u == y.u;
-}
-
 static void take_estimate(palp_device_axes *axes, const palp_device *device, uint32_t i,
                           bool strict, palp_counters *counters) {
     palp_joint *j = &axes->joint[i];
     float q = axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV;
-    float last = j->q_rad;
-    bool second = j->known && j->age == 0u;
-    if (!palp_joint_take(j, &axes->limits[i], q, 1.0f / device->drives.rate_hz)) {
+    const float last = j->q_rad;
+    const bool second = j->known && j->age == 0u;
+    const palp_reading reading =
+        palp_joint_take(j, &axes->limits[i], q, 1.0f / device->drives.rate_hz);
+    if (reading == PALP_READING_BAD) {
         counters->implausible++;
         if (!strict && j->bad_in_a_row >= BAD_BEFORE_RESTART) *j = (palp_joint){.age = 0};
         return;
     }
-    if (second) {
-        counters->repeated++; /* the newer wins */
+    if (second || reading == PALP_READING_STALE) {
+        counters->repeated++;
         return;
     }
     bool pushed =
         axes->fine && palp_abs(axes->push_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
-    j->frozen = pushed && same_bits(q, last) ? j->frozen + 1u : 0u;
+    j->frozen = pushed && palp_same_bits(q, last) ? j->frozen + 1u : 0u;
 }
 
 static void take_frame(palp_device_axes *axes, const palp_device *device,
@@ -88,14 +82,15 @@ static void take_frame(palp_device_axes *axes, const palp_device *device,
 void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t periods,
                     const palp_can_frame *frames, uint32_t count, bool strict,
                     palp_counters *counters) {
+    const float dt_s = 1.0f / device->drives.rate_hz;
     for (uint32_t i = 0; i < axes->count; i++) {
-        palp_joint_age(&axes->joint[i], periods);
+        palp_joint_age(&axes->joint[i], periods, dt_s);
         axes->drive[i].status_age += periods - 1u;
     }
     for (uint32_t f = 0; f < count; f++) take_frame(axes, device, &frames[f], strict, counters);
     for (uint32_t i = 0; i < axes->count; i++) {
-        if (axes->joint[i].age == 0u)
-            palp_joint_velocity(&axes->joint[i], &axes->limits[i], 1.0f / device->drives.rate_hz);
+        if (axes->joint[i].age == 0u) palp_joint_velocity(&axes->joint[i], &axes->limits[i], dt_s);
+        palp_joint_place(&axes->joint[i], &axes->limits[i]);
         if (strict && axes->joint[i].age > 0u) counters->late++;
     }
 }

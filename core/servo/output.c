@@ -84,10 +84,12 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     palp_output_result r = {.bad = !demand_is_finite(demand)};
     if (!r.bad) {
         palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
-        if (passive != NULL)
-            force = palp_passivity_limit(&output->passivity, passive, force, demand->stored_J,
-                                         &r.braked);
-        force = shorten(force, device->force_max_N, &r.limited);
+        if (passive != NULL) {
+            const float share =
+                palp_passivity_share(&output->passivity, passive, force, demand->stored_J);
+            r.braked = share < 1.0f;
+            force = palp_scale(share, force);
+        }
         palp_vec3 change =
             shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
         force = palp_add(output->last_N, change);
@@ -104,6 +106,9 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
             output->touch_Nm[i] = output->feedforward_Nm[i] = 0.0f;
     }
     output->last_N = r.force_N;
-    palp_passivity_sent(&output->passivity, r.force_N);
+    float joint_Nm[PALP_AXES] = {0.0f};
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
+        joint_Nm[i] = r.touch_torque_Nm[i] * device->gear[i];
+    palp_passivity_sent(&output->passivity, joint_Nm);
     return r;
 }

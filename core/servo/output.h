@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The output chain: finite -> norm limit -> energy limit (passivity.h) -> norm limit -> slew limit
- * -> joint torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes
- * in, what goes out is finite and within the device's limits. Feed-forward takes what the touch
+ * The output chain: finite -> norm limit -> energy limit (passivity.h) -> slew limit -> joint
+ * torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes in, what
+ * goes out is finite and within the device's limits. Feed-forward takes what the touch
  * leaves of the slew limit, so that their sum keeps to it.
  */
 #ifndef PALP_SERVO_OUTPUT_H

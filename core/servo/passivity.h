@@ -1,58 +1,91 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Passivity observer and controller in the time domain (Hannaford and Ryu 2002), for a force that
- * is held for a period T, acts `delay` periods after the position that it answers, and builds up
- * with the time constant tau of the drives' torque.
+ * Passivity observer and controller in the time domain (after Hannaford and Ryu 2002): what the
+ * motors give to the hand, and a brake that takes force away when they give too much.
  *
- *   observer     E += -F . d + s b |d|^2 / T     d: what the tip moved, F: mean force meanwhile
- *                E <= what the body and the coupling have stored
- *   controller   the motion that comes is d' = 2 d - d_before. If F . d' would give the hand more
- *                than E, f is lowered by alpha d' / T until it gives just that, alpha <= alpha_max.
+ * The observer keeps its books where encoders and motors are. Joint i has turned by dq_i in the n_i
+ * periods between two readings, under torques tau_i that are held for a period, begin to act
+ * `delay` periods after the reading that they answer, and build up with the drives' time constant:
  *
- * b is the mechanism's own damping, which swallows what sampling leaks: with K T / 2 < s b, Colgate
- * and Schenkel's condition with a margin, the controller has nothing to do. The share s = 1/2
- * leaves the rest to calm what is left: with all of it spent, a bounce would go on for ever.
- * Capping E at the stored energy keeps what was once dissipated from being spent on an oscillation
- * later.
+ *     E += sum_i -mean(tau_i) dq_i + s b |v|^2 t       mean over those n_i periods
+ *     E <= what the body and the coupling have stored
+ *
+ * so lost readings and skipped periods leave nothing out and count nothing twice. b is the
+ * mechanism's own damping, which swallows part of what sampling leaks; v only what the encoder's
+ * step leaves certain of the tip's velocity; the share s = 1/2 is what can be relied on. Capping E
+ * at the stored energy keeps what was once dissipated from being spent on an oscillation later. A
+ * reading's step leaves a doubt of sum |tau_i| step_i in E.
+ *
+ * The controller scales the force F along which the hand is certainly moving, F . v > 0, down from
+ * a deficit of BEGINS of deficit_max_J and to nothing at ENDS, beyond the doubt:
+ *
+ *     F' = gamma F,   0 <= gamma <= 1
+ *
+ * so what it does can neither pull nor give: |F' . dx| <= |F . dx| for any motion. Gamma rises
+ * again within RISE_S, and does not depend on the sign of an uncertain velocity, so it does not
+ * chatter. A deficit beyond deficit_max_J is for the caller to end.
  */
 #ifndef PALP_SERVO_PASSIVITY_H
 #define PALP_SERVO_PASSIVITY_H
 
-#include "core/base/real.h"
+#include "core/device/kinematics.h"
 
-#define PALP_PASSIVITY_DELAYS 8u
+#define PALP_PASSIVITY_HISTORY 8u /* periods */
+#define PALP_PASSIVITY_DEFICIT_J 1e-3f
 
 typedef struct {
-    float damping_Ns_per_m;     /* b */
-    float damping_max_Ns_per_m; /* alpha_max: palp_device_brake */
-    uint32_t delay;             /* below PALP_PASSIVITY_DELAYS */
+    uint32_t axes;
+    float damping_Ns_per_m; /* b */
+    uint32_t delay;         /* below PALP_PASSIVITY_HISTORY */
     float dt_s;
     float remains; /* share of a force that is left after a period of another, exp(-T / tau) */
     float prompt;  /* share of a new set-point in the mean force of its period */
+    float deficit_max_J;       /* > 0 */
+    float step_rad[PALP_AXES]; /* of a joint's reading */
 } palp_passivity_config;
+
+/* What the encoders say in a tick. */
+typedef struct {
+    uint32_t periods; /* since the last tick, at least 1 */
+    float q_rad[PALP_AXES], certain_rad_s[PALP_AXES];
+    bool fresh[PALP_AXES];
+    palp_vec3 certain_m_s; /* of the tip */
+} palp_passivity_motion;
 
 typedef struct {
     float energy_J;   /* E */
-    float absorbed_J; /* sum of -F . d since the start: net energy that the hand has put in */
-    palp_vec3 sent_N[PALP_PASSIVITY_DELAYS]; /* ring of held forces */
-    palp_vec3 acting_N;                      /* at the end of the last period */
-    palp_vec3 moved_m, before_m;             /* d, and the one before it */
-    uint32_t newest, idle_ticks;
+    float absorbed_J; /* net energy that the hand has put in since the start */
+    float given_J;    /* largest deficit so far, -E without the doubt; not below 0 */
+    float doubt_J;    /* of E, at present */
+    float gamma;      /* of the last tick */
+    float sent_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of held torques at the joints */
+    float mean_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of what acted in the last periods */
+    float acting_Nm[PALP_AXES];                       /* at the end of the last period */
+    uint32_t newest, latest;                          /* of the two rings */
+    float q_rad[PALP_AXES], certain_rad_s[PALP_AXES]; /* of the last reading of each joint */
+    uint32_t since[PALP_AXES], unseen;                /* periods; unseen: of some joint */
+    palp_vec3 velocity_m_s, before_m_s;               /* certain, of the tip; a tick before */
+    uint32_t idle;                                    /* periods without contact */
+    bool begun;
 } palp_passivity;
 
-/* Periods T > 0, lag tau >= 0. */
-palp_passivity_config palp_passivity_configure(float damping_Ns_per_m, float damping_max_Ns_per_m,
+/* Periods T > 0, lag tau >= 0; steps are for the caller to set. */
+palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_per_m,
                                                uint32_t delay, float dt_s, float lag_s);
 
-/* The tip has moved by d since the last tick. */
-void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config, palp_vec3 d_m);
+/* Begins a tick. */
+void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config,
+                            const palp_passivity_motion *motion);
 
-/* The force to send instead of `force_N`, with `stored_J` in the body and the coupling; *braked
- * says whether it differs. */
-palp_vec3 palp_passivity_limit(palp_passivity *p, const palp_passivity_config *config,
-                               palp_vec3 force_N, float stored_J, bool *braked);
+/* The share of `force_N` at the tip that may be sent, with `stored_J` in the body and the coupling.
+ */
+float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
+                           palp_vec3 force_N, float stored_J);
 
-/* Records the force that was sent in this tick. */
-void palp_passivity_sent(palp_passivity *p, palp_vec3 force_N);
+/* Whether the deficit is beyond what is allowed. */
+bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);
+
+/* Ends a tick: torques at the joints, without what the mechanism asks for. */
+void palp_passivity_sent(palp_passivity *p, const float torque_Nm[PALP_AXES]);
 
 #endif

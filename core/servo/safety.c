@@ -100,7 +100,7 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
     if (s->faults == 0u) before_run(s, events, axes);
     if (force_is_on(s->state)) s->faults |= run_faults(s, axes);
     if (s->state == PALP_STATE_RUN && s->faults == 0u &&
-        (seconds(s, s->blind_ticks) > PALP_LATE_S || repeatedly_late(s)))
+        (seconds(s, s->blind_ticks) > PALP_LATE_S + 0.5f * s->dt_s || repeatedly_late(s)))
         enter(s, PALP_STATE_DAMPING);
     if (s->state == PALP_STATE_DAMPING && s->resume && s->faults == 0u && s->tardy_history == 0u &&
         seconds(s, s->well_ticks) >= PALP_WELL_S)
@@ -111,8 +111,10 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
 
 void palp_safety_latch(palp_safety *safety, uint32_t faults) {
     safety->faults |= faults;
-    bool stopped = safety->state == PALP_STATE_FAULT || safety->state == PALP_STATE_ESTOP;
-    if (safety->faults != 0u && !stopped) enter(safety, PALP_STATE_FAULT);
+    const bool stopped = safety->state == PALP_STATE_FAULT || safety->state == PALP_STATE_ESTOP;
+    const bool worse = (safety->faults & ~PALP_FAULT_ENERGY) != 0u;
+    if (worse && !stopped) enter(safety, PALP_STATE_FAULT);
+    if (safety->faults != 0u && safety->state == PALP_STATE_RUN) enter(safety, PALP_STATE_DAMPING);
 }
 
 float palp_safety_gain(const palp_safety *safety) {

@@ -8,11 +8,11 @@
  *   READY         zero torque, until the operator lets go of HOLD
  *   ENABLING      drives begin to act on torque, which is zero
  *   RUN           force, growing from zero in PALP_RAMP_S
- *   DAMPING       after sustained loss or repeated lateness: force falls to zero in PALP_FADE_S,
- *                 then only damping; until a reset (or, if so configured, until all is well for
- *                 PALP_WELL_S, and then RUN begins with its ramp)
- *   FAULT         latched: zero torque, drives idle; until a reset
- *   ESTOP         from any state while the operator's stop is pressed, then until a reset
+ *   DAMPING       after sustained loss, repeated lateness, or energy given to the hand: force
+ *                 falls to zero in PALP_FADE_S, then only damping; until a reset (or, if so
+ * configured, until all is well for PALP_WELL_S, and then RUN begins with its ramp) FAULT latched:
+ * zero torque, drives idle; until a reset ESTOP         from any state while the operator's stop is
+ * pressed, then until a reset
  *
  * A reset goes back to INIT. This is software: it is no substitute for a hardware stop.
  */
@@ -43,9 +43,10 @@ typedef enum {
 #define PALP_FAULT_CONFIG 64u    /* a drive is not the one described, or estimates are too slow */
 #define PALP_FAULT_ENABLE 128u   /* a drive did not begin to act on torque */
 #define PALP_FAULT_FROZEN 256u   /* an encoder stands still under torque */
+#define PALP_FAULT_ENERGY 512u   /* the hand was given energy; latched in DAMPING */
 #define PALP_FAULT_NAMES                                                                           \
-    "drive lost-encoder bad-input bad-output heartbeat bus config enable frozen-encoder" /* in the \
-                                                                       order of the bits */
+    "drive lost-encoder bad-input bad-output heartbeat bus config enable frozen-encoder "          \
+    "energy-given" /* in the order of the bits */
 
 /* What enters a tick besides frames. */
 #define PALP_EVENT_LATE 1u         /* began more than half a period late */
@@ -59,7 +60,7 @@ typedef enum {
 #define PALP_EVENT_HOLD 256u       /* held while the operator does not want force */
 
 #define PALP_RAMP_S 0.2f     /* from RUN to full force */
-#define PALP_LATE_S 0.004f   /* encoder age at which DAMPING begins */
+#define PALP_LATE_S 0.005f   /* encoder age beyond which DAMPING begins */
 #define PALP_FADE_S 0.010f   /* from there to zero force */
 #define PALP_LOST_S 0.024f   /* encoder age at which the fault latches */
 #define PALP_CHECK_S 0.02f   /* estimates must come every period for so long */

@@ -18,9 +18,10 @@ struct palp_servo {
     palp_safety safety;
     palp_axes_health health; /* after the frames of this tick */
     float dt_s, bound_ns;
-    uint64_t start_ns; /* of the tick under way */
-    palp_vec3 last_tip_m;
-    bool moved; /* last_tip_m belongs to a force that was sent */
+    uint64_t start_ns;              /* of the tick under way */
+    uint32_t periods;               /* since the tick before it */
+    float certain_rad_s[PALP_AXES]; /* of the joints: 0 for one that is not seen any more */
+    palp_vec3 certain_m_s;          /* of the tip */
 };
 
 static palp_servo *lay_out(const palp_blob *b, uint32_t finest, palp_arena *arena,
@@ -90,12 +91,14 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                                           palp_answer_memsize(blob, 1, config->finest), bound_ns);
     if (status != PALP_OK) return status;
     set_coupling(&s->answer.coupling.tool[0], &s->config);
-    s->passive = palp_passivity_configure(device->damping_Ns_per_m, palp_device_brake(device),
+    s->passive = palp_passivity_configure(palp_axes(&device->kinematics), device->damping_Ns_per_m,
                                           palp_drive_delay(device->drives.protocol), s->dt_s,
                                           device->drives.torque_lag_s);
     s->bound_ns = answer.before_ns + answer.after_ns +
                   palp_answer_cost_full(&s->answer.bound, s->answer.limit);
     palp_axes_init(&s->axes, device);
+    for (uint32_t i = 0; i < s->axes.count; i++)
+        s->passive.step_rad[i] = s->axes.limits[i].step_rad;
     palp_safety_init(&s->safety, s->dt_s, palp_drive_heartbeat_s(device->drives.protocol),
                      config->resume);
     *servo = s;
@@ -124,7 +127,8 @@ static void count_events(palp_counters *c, uint32_t events) {
 static void take_in(palp_servo *s, const palp_tick_input *in) {
     palp_state before = s->safety.state;
     bool force = before == PALP_STATE_RUN || before == PALP_STATE_DAMPING;
-    uint32_t periods = in->skipped < UINT32_MAX ? in->skipped + 1u : in->skipped;
+    const uint32_t periods = in->skipped < UINT32_MAX ? in->skipped + 1u : in->skipped;
+    s->periods = periods;
     s->counters.skipped += in->skipped;
     count_events(&s->counters, in->events);
     palp_axes_take(&s->axes, &s->config.device, periods, in->frames, in->count, force,
@@ -138,7 +142,6 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
         palp_answer_reset(&s->answer);
         s->output = (palp_output){.last_N = {0.0f, 0.0f, 0.0f}};
-        s->moved = false;
     }
 }
 
@@ -150,8 +153,7 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     palp_coupling_tool *spring = &s->answer.coupling.tool[0];
     palp_coupling_result result;
     palp_answer_report a;
-    const float fresh = s->health.age == 0u ? p->scale : 0.0f;
-    spring->velocity_m_s = palp_scale(fresh, palp_rotate(p->rotation, r->tip_velocity_m_s));
+    spring->velocity_m_s = palp_scale(p->scale, palp_rotate(p->rotation, s->certain_m_s));
     spring->measured = true;
     palp_answer_tick(&s->answer, s->start_ns, &device, &result, &a);
     s->counters.coarsened = s->answer.coarsened;
@@ -191,29 +193,45 @@ static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report 
         r->stored_J *= gain;
     }
     if (s->safety.state == PALP_STATE_RUN) return force;
-    bool fresh = s->health.age == 0u;
-    float brake = fresh ? s->config.device.damping_max_Ns_per_m : 0.0f;
-    return palp_madd(force, -brake, r->tip_velocity_m_s);
+    return palp_madd(force, -s->config.device.damping_max_Ns_per_m, s->certain_m_s);
+}
+
+/* Where the joints are taken to be, and how fast. */
+static palp_pose look(palp_servo *s, palp_report *r) {
+    float place_rad[PALP_AXES] = {0.0f};
+    for (uint32_t i = 0; i < s->axes.count; i++) {
+        const palp_joint *j = &s->axes.joint[i];
+        const bool seen = j->age <= PALP_JOINT_FORESEEN;
+        r->joint_rad[i] = place_rad[i] = j->place_rad;
+        r->joint_rad_s[i] = j->dq_rad_s;
+        s->certain_rad_s[i] = seen ? j->certain_rad_s : 0.0f;
+    }
+    const palp_pose pose = palp_forward(&s->config.device.kinematics, place_rad);
+    r->tip_m = pose.tip_m;
+    r->tip_velocity_m_s = palp_pose_velocity(&pose, r->joint_rad_s);
+    s->certain_m_s = palp_pose_velocity(&pose, s->certain_rad_s);
+    return pose;
+}
+
+/* The books of what the motors give. */
+static void observe(palp_servo *s) {
+    palp_passivity_motion m = {.periods = s->periods, .certain_m_s = s->certain_m_s};
+    for (uint32_t i = 0; i < s->axes.count; i++) {
+        m.q_rad[i] = s->axes.joint[i].q_rad;
+        m.certain_rad_s[i] = s->certain_rad_s[i];
+        m.fresh[i] = s->axes.joint[i].age == 0u;
+    }
+    palp_passivity_observe(&s->output.passivity, &s->passive, &m);
 }
 
 static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
-    for (uint32_t i = 0; i < s->axes.count; i++) {
-        r->joint_rad[i] = s->axes.joint[i].q_rad;
-        r->joint_rad_s[i] = s->axes.joint[i].dq_rad_s;
-    }
-    palp_pose pose = palp_forward(&s->config.device.kinematics, r->joint_rad);
-    r->tip_m = pose.tip_m;
-    r->tip_velocity_m_s = palp_pose_velocity(&pose, r->joint_rad_s);
+    const palp_pose pose = look(s, r);
     if (palp_safety_demand(s->safety.state) != PALP_DEMAND_TORQUE) return;
     if (!pose.reachable) {
         palp_safety_latch(&s->safety, PALP_FAULT_INPUT);
         return;
     }
-    if (s->moved)
-        palp_passivity_observe(&s->output.passivity, &s->passive,
-                               palp_sub(pose.tip_m, s->last_tip_m));
-    s->last_tip_m = pose.tip_m;
-    s->moved = true;
+    observe(s);
     /* What holds the mechanism up comes and goes with the force; friction is only followed by who
      * knows the velocity, and never against the brake of DAMPING. */
     bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
@@ -235,6 +253,9 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     r->braked = out.braked;
     r->force_N = out.force_N;
     r->absorbed_J = s->output.passivity.absorbed_J;
+    r->given_J = s->output.passivity.given_J;
+    if (!s->config.unguarded && palp_passivity_exceeded(&s->output.passivity, &s->passive))
+        palp_safety_latch(&s->safety, PALP_FAULT_ENERGY);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         r->motor_torque_Nm[i] = out.motor_torque_Nm[i];
         s->axes.push_Nm[i] = out.touch_torque_Nm[i];

@@ -60,6 +60,7 @@ typedef struct {
     float motor_torque_Nm[PALP_AXES];
     float stored_J;     /* contact and coupling, in device units */
     float absorbed_J;   /* net energy that the hand has put in since RUN */
+    float given_J;      /* most energy that it was given beyond that (passivity.h) since RUN */
     float doubt_N;      /* by how much the force may be off (answer.h); device units */
     float unforeseen_m; /* how far the tool came to rest from where it was foreseen (model) */
     bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */

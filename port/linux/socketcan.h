@@ -16,8 +16,8 @@ typedef struct {
 
 /*
  * Opens `interface`, for CAN FD too if `fd` is set; exits 2 with a mend when the kernel has no CAN,
- * no such interface, or one that cannot carry FD. `count` 0 receives all frames. Nothing is received
- * or can be sent before can_listen().
+ * no such interface, or one that cannot carry FD. `count` 0 receives all frames. Nothing is
+ * received or can be sent before can_listen().
  */
 can_port can_open(const char *interface, bool fd, const palp_can_filter *filter, uint32_t count);
 

@@ -282,7 +282,7 @@ static void test_velocity(void) {
     for (int i = 0; i < 4000; i++) {
         double t = i * dt, q = 0.3 * sin(2 * t), v = 0.6 * cos(2 * t);
         double read = floor(q / step) * step;
-        palp_joint_age(&j, 1);
+        palp_joint_age(&j, 1, (float)dt);
         (void)palp_joint_take(&j, &limits, (float)read, (float)dt);
         palp_joint_velocity(&j, &limits, (float)dt);
         if (i > 20) {
@@ -294,7 +294,7 @@ static void test_velocity(void) {
     CHECK(square[0] < 0.05 * square[1], "velocity: error %.4f rad/s, of plain differences %.4f",
           sqrt(square[0] / 4000), sqrt(square[1] / 4000));
     for (int i = 0; i < 200; i++) { /* flickers between two counts */
-        palp_joint_age(&j, 1);
+        palp_joint_age(&j, 1, (float)dt);
         (void)palp_joint_take(&j, &limits, (float)(last + (i % 2) * step), (float)dt);
         palp_joint_velocity(&j, &limits, (float)dt);
         if (i > 40) still = fmax(still, fabs((double)j.dq_rad_s));
@@ -308,19 +308,84 @@ static void test_joint(void) {
     const float good[] = {0.5f, 0.501f}, bad[] = {NAN, INFINITY, 1.2f, 0.7f, 0.0f};
     bool refused = true;
     for (int i = 0; i < 2; i++) {
-        palp_joint_age(&j, 1);
+        palp_joint_age(&j, 1, 0.001f);
         (void)palp_joint_take(&j, &limits, good[i], 0.001f);
         palp_joint_velocity(&j, &limits, 0.001f);
     }
     for (int i = 0; i < 5; i++) {
         palp_joint before = j;
-        palp_joint_age(&before, 1);
-        refused = refused && !palp_joint_take(&before, &limits, bad[i], 0.001f) &&
+        palp_joint_age(&before, 1, 0.001f);
+        refused = refused &&
+                  palp_joint_take(&before, &limits, bad[i], 0.001f) == PALP_READING_BAD &&
                   before.q_rad >= 0.501f && before.q_rad <= 0.501f && before.age == 1;
     }
     CHECK(refused, "NaN, infinity, out of limits, a jump, and a jump to exactly 0 are refused");
-    palp_joint_age(&j, 20);
-    CHECK(palp_joint_take(&j, &limits, 0.7f, 0.001f), "after 20 ms it may have gone that far");
+    palp_joint_age(&j, 20, 0.001f);
+    CHECK(palp_joint_take(&j, &limits, 0.7f, 0.001f) == PALP_READING_TAKEN,
+          "after 20 ms it may have gone that far");
+}
+
+/* A joint that turns evenly, read every millisecond by an encoder, while readings are lost, come
+ * again, or come late behind the next one: the largest step of its place over an even one. */
+typedef enum { LOST, AGAIN, SWAPPED } disturbance;
+
+static double largest_step(disturbance what, int ticks, double rad_s, double *velocity) {
+    const double step = 1e-5, dt = 0.001;
+    const palp_joint_limits limits = {-10, 10, 100, (float)step};
+    palp_joint j = {.age = 0};
+    double most = 0, before = 0, wrong = 0;
+    for (int i = 0; i < 120; i++) {
+        const bool struck = i >= 50 && i < 50 + ticks;
+        const double now = floor(rad_s * i * dt / step) * step;
+        const double old = floor(rad_s * (i - 1) * dt / step) * step;
+        palp_joint_age(&j, 1, (float)dt);
+        if (struck && what == AGAIN)
+            (void)palp_joint_take(&j, &limits, j.q_rad, (float)dt);
+        else if (!struck)
+            (void)palp_joint_take(&j, &limits, (float)now, (float)dt);
+        if (i == 50 + ticks && what == SWAPPED)
+            (void)palp_joint_take(&j, &limits, (float)old, (float)dt);
+        if (j.age == 0) palp_joint_velocity(&j, &limits, (float)dt);
+        palp_joint_place(&j, &limits);
+        if (i > 20) {
+            most = fmax(most, fabs((double)j.place_rad - before));
+            wrong = fmax(wrong, fabs((double)j.dq_rad_s / rad_s - 1));
+        }
+        before = (double)j.place_rad;
+    }
+    *velocity = wrong;
+    return most / (rad_s * dt);
+}
+
+static void test_missed(void) {
+    static const char *const names[] = {"lost", "sent again", "out of order"};
+    static const int most[] = {5, 3, 3};
+    for (int k = 0; k < 3; k++) {
+        double worst = 0, velocity = 0;
+        for (int ticks = 1; ticks <= most[k]; ticks++) {
+            for (double rad_s = 0.1; rad_s < 4; rad_s *= 1.7) {
+                double v;
+                worst = fmax(worst, largest_step((disturbance)k, ticks, rad_s, &v));
+                velocity = fmax(velocity, v);
+            }
+        }
+        CHECK(worst <= 1.25 && velocity < 0.12,
+              "1 to %d readings %s: largest step of the place %.2f of an even one, velocity off by "
+              "%.3f",
+              most[k], names[k], worst, velocity);
+    }
+    /* A joint that is stopped short is believed in the end. */
+    const palp_joint_limits limits = {-10, 10, 100, 1e-5f};
+    palp_joint j = {.age = 0};
+    for (int i = 0; i < 60; i++) {
+        palp_joint_age(&j, 1, 0.001f);
+        (void)palp_joint_take(&j, &limits, 1e-3f * (float)(i < 50 ? i : 50), 0.001f);
+        if (j.age == 0) palp_joint_velocity(&j, &limits, 0.001f);
+        palp_joint_place(&j, &limits);
+    }
+    CHECK(fabsf(j.place_rad - 0.05f) < 1e-6f && !(fabsf(j.certain_rad_s) > 0),
+          "stopped short, it is where it was read: off by %.2g rad",
+          fabs((double)j.place_rad - 0.05));
 }
 
 /* Figures computed elsewhere for 1 Mbit/s and 5 or 8 Mbit/s. */
@@ -361,6 +426,7 @@ int main(void) {
     test_singular();
     test_velocity();
     test_joint();
+    test_missed();
     test_load();
     return tap_done();
 }
