@@ -17,6 +17,11 @@ typedef struct {
     float x, y, z;
 } palp_vec3;
 
+/* Symmetric, 2 x 2. */
+typedef struct {
+    float xx, xy, yy;
+} palp_symmetric2;
+
 static inline float palp_sqrt(float x) { return __builtin_sqrtf(x); }
 static inline float palp_abs(float x) { return __builtin_fabsf(x); }
 static inline float palp_min(float a, float b) { return a < b ? a : b; }

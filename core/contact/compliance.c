@@ -207,8 +207,9 @@ static palp_vec3 half_space_at(const palp_contact *c, const palp_contact_run *in
     return u;
 }
 
-/* Displacement of a side by the gathered forces, with its own force f. */
-static palp_vec3 displacement(palp_contact *c, uint32_t side, palp_vec3 f) {
+/* What the gathered forces displace a side by as if its body were a half-space, with its own force
+ * f. */
+static palp_vec3 near_displacement(palp_contact *c, uint32_t side, palp_vec3 f) {
     const uint32_t body = palp_contact_body(c, side);
     const palp_surface_point *at = palp_contact_side(c, side);
     const float cell = c->column[COL_CELL][side], patch = c->column[COL_PATCH][side];
@@ -226,15 +227,22 @@ static palp_vec3 displacement(palp_contact *c, uint32_t side, palp_vec3 f) {
         u = palp_madd(u, h.factor, by);
         c->work_done += 50u * (uint64_t)(in->end - in->first);
     }
+    return u;
+}
+
+/* And the rest of it, by the displaced corners. */
+static palp_vec3 far_displacement(const palp_contact *c, uint32_t side) {
+    const palp_surface_point *at = palp_contact_side(c, side);
+    palp_vec3 u = {0};
     for (uint32_t k = 0; k < 3u; k++)
         u = palp_madd(u, at->weight[k], c->node_u_m[c->corner[side][k]]);
     return u;
 }
 
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side) {
-    return displacement(
-        contact, side,
-        palp_scale(force_of(contact, side), palp_contact_column(contact, COL_M, side)));
+    const palp_vec3 f =
+        palp_scale(force_of(contact, side), palp_contact_column(contact, COL_M, side));
+    return palp_add(near_displacement(contact, side, f), far_displacement(contact, side));
 }
 
 /* The force lambda / normal_N of a tool along a tangent, at one of the pressed sides. */
@@ -268,20 +276,24 @@ static void press_along(palp_contact *c, uint32_t tool, palp_vec3 tangent, float
 }
 
 void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
-                             float normal_N, float entry[3]) {
+                             float normal_N, palp_symmetric2 *near, palp_symmetric2 *far) {
     palp_contact *c = contact;
-    float sum[2][2] = {{0}};
+    float sum[2][2][2] = {{{0}}};
     for (uint32_t k = 0; k < 2u; k++) {
         press_along(c, tool, tangent[k], normal_N);
         palp_contact_displace_corners(c);
         for (uint32_t a = 0; a < c->active_count; a++) {
             const uint32_t i = c->active[a];
-            palp_vec3 u = displacement(c, i, tangential_at(c, i, tool, tangent[k], normal_N));
-            for (uint32_t e = 0; e < 2u; e++)
-                sum[k][e] += palp_dot(u, tangential_at(c, i, tool, tangent[e], normal_N));
+            const palp_vec3 by =
+                near_displacement(c, i, tangential_at(c, i, tool, tangent[k], normal_N));
+            const palp_vec3 rest = far_displacement(c, i);
+            for (uint32_t e = 0; e < 2u; e++) {
+                const palp_vec3 f = tangential_at(c, i, tool, tangent[e], normal_N);
+                sum[0][k][e] += palp_dot(by, f);
+                sum[1][k][e] += palp_dot(rest, f);
+            }
         }
     }
-    entry[0] = sum[0][0];
-    entry[1] = 0.5f * (sum[0][1] + sum[1][0]);
-    entry[2] = sum[1][1];
+    *near = (palp_symmetric2){sum[0][0][0], 0.5f * (sum[0][0][1] + sum[0][1][0]), sum[0][1][1]};
+    *far = (palp_symmetric2){sum[1][0][0], 0.5f * (sum[1][0][1] + sum[1][1][0]), sum[1][1][1]};
 }

@@ -97,10 +97,10 @@ void palp_contact_displace_corners(palp_contact *contact);
 /* Displacement of a side by the gathered forces. */
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side);
 
-/* entry[11, 12, 22]: t_a . C t_b of the tangential forces lambda / normal_N of one tool, tangents
- * in the world. Destroys what was gathered. */
+/* t_a . C t_b of the tangential forces lambda / normal_N of one tool, tangents in the world, in two
+ * parts: as if bodies were half-spaces, and the rest. Destroys what was gathered. */
 void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
-                             float normal_N, float entry[3]);
+                             float normal_N, palp_symmetric2 *near, palp_symmetric2 *far);
 
 /* ---- bonds.c ---- */
 

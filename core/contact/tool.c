@@ -40,6 +40,7 @@ static bool cylinder_is_sound(const palp_cylinder *y) {
 
 bool palp_tool_is_sound(const palp_tool *tool) {
     if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
+    if (!(tool->sliding >= 0.0f && tool->sliding <= tool->friction)) return false;
     if (tool->balls > PALP_TOOL_BALLS) return false;
     if (is_cylinder(tool)) return cylinder_is_sound(&tool->cylinder);
     if (tool->balls == 0u) return pad_is_sound(&tool->pad);

@@ -46,7 +46,8 @@ typedef struct {
     palp_ball ball[PALP_TOOL_BALLS];
     palp_cylinder cylinder;
     palp_pad pad;
-    float friction; /* Coulomb's mu; needs limits.friction when above 0 */
+    float friction; /* Coulomb's mu, static; 0: none */
+    float sliding;  /* mu while it slides, at most `friction`; 0: the same */
 } palp_tool;
 
 typedef struct {
@@ -66,8 +67,14 @@ typedef struct {
 /* A sphere about the reference point. */
 palp_tool palp_tool_sphere(float radius_m);
 
-/* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10. */
+/* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10 and not
+ * below sliding. */
 bool palp_tool_is_sound(const palp_tool *tool);
+
+/* Coulomb's mu while the tool slides. */
+static inline float palp_tool_sliding(const palp_tool *tool) {
+    return tool->sliding > 0.0f ? tool->sliding : tool->friction;
+}
 
 /* The smallest radius, of balls, cylinder or edges: the scale of its search margins (m). */
 float palp_tool_size(const palp_tool *tool);

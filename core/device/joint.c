@@ -65,7 +65,7 @@ static bool is_stale(const palp_joint *j, const palp_joint_limits *l, float q, f
     if (j->age == 0u) return palp_abs(q - j->expected_rad) > palp_abs(j->q_rad - j->expected_rad);
     const float moved = palp_abs(j->certain_rad_s) * dt_s * (float)j->age;
     return palp_same_bits(q, j->q_rad) && moved > PALP_JOINT_STALE * l->step_rad &&
-           j->age < PALP_JOINT_REPEATS;
+           (float)j->age * dt_s < PALP_JOINT_REPEATS_S;
 }
 
 palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q_rad,

@@ -28,7 +28,7 @@
 #define PALP_JOINT_WINDOW 16u
 #define PALP_JOINT_FORESEEN 6u
 #define PALP_JOINT_STALE 4.0f
-#define PALP_JOINT_REPEATS 4u
+#define PALP_JOINT_REPEATS_S 0.0035f
 
 typedef struct {
     float min_rad, max_rad;

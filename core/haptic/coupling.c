@@ -153,8 +153,8 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
     float moved = palp_norm(palp_sub(tool_m, k->expected_m));
     k->tool_m = tool_m;
     if (k->touching) force = palp_scale(k->stiffness_N_per_m, palp_sub(tool_m, device));
-    float energy = stored_J + palp_friction_energy(&k->friction) +
-                   0.5f / k->stiffness_N_per_m * palp_dot(force, force);
+    float energy =
+        stored_J + k->friction.energy_J + 0.5f / k->stiffness_N_per_m * palp_dot(force, force);
     if (k->touching) {
         palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
         force = palp_add(force, damper(k, k->measured ? k->velocity_m_s : velocity));

@@ -85,8 +85,8 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     if (!r.bad) {
         palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
         if (passive != NULL) {
-            const float share =
-                palp_passivity_share(&output->passivity, passive, force, demand->stored_J);
+            const float share = palp_passivity_share(&output->passivity, passive, force,
+                                                     demand->stored_J, demand->steady);
             r.braked = share < 1.0f;
             force = palp_scale(share, force);
         }

@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 #include "passivity.h"
 
-#define SHARE 0.5f          /* s */
-#define FORGIVE_S 0.5f      /* without contact, after which what was given in excess is let go */
-#define BEGINS 0.2f         /* of the largest deficit, at which the force begins to be taken away */
-#define ENDS 0.7f           /* and at which it is gone */
+#define SHARE 0.5f /* s */
+#define FORGIVE_S 0.5f
+#define BEGINS 0.2f         /* of the largest deficit, at which gamma begins to fall */
+#define ENDS 0.7f           /* and at which it is 0 */
 #define CERTAINLY_M_S 0.01f /* along the force, from which a motion counts in full */
 #define RISE_S 0.02f
+#define CUT 0.4f    /* share of a fall of gamma that sigma follows for good */
+#define LEAK 0.05f  /* of the largest deficit, that may leak */
+#define SOFTEN 0.1f /* of it, that softens by a factor of e */
+#define MOVED                                                                                      \
+    4.0f /* times the work of a tick, beyond which a change of what is stored is another's */
 
 palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_per_m,
                                                uint32_t delay, float dt_s, float lag_s) {
@@ -19,7 +24,8 @@ palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_p
     if (!(lag_s > 0.0f)) return c;
     float x = dt_s / lag_s; /* the exponential to a few per cent */
     c.remains = 1.0f / (1.0f + x * (1.0f + x * (0.5f + x * (1.0f / 6.0f + x * (1.0f / 24.0f)))));
-    c.prompt = 1.0f - lag_s / dt_s * (1.0f - c.remains);
+    c.tail = lag_s / dt_s;
+    c.prompt = 1.0f - c.tail * (1.0f - c.remains);
     return c;
 }
 
@@ -51,6 +57,7 @@ static float given(palp_passivity *p, const palp_passivity_motion *m, uint32_t i
     const float turned = p->begun ? m->q_rad[i] - p->q_rad[i] : 0.0f;
     const float work = turned * mean_Nm(p, i, p->since[i]);
     p->q_rad[i] = m->q_rad[i];
+    p->before_rad_s[i] = p->certain_rad_s[i];
     p->certain_rad_s[i] = m->certain_rad_s[i];
     p->since[i] = 0;
     return work;
@@ -60,7 +67,7 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
                             const palp_passivity_motion *motion) {
     const palp_passivity_config *c = config;
     const uint32_t more = motion->periods - 1u;
-    if (!p->begun) p->gamma = 1.0f;
+    if (!p->begun) p->gamma = p->sigma = 1.0f;
     pass_period(p, c);
     for (uint32_t k = 0; k < more && k < PALP_PASSIVITY_HISTORY; k++) {
         palp_passivity_sent(p, p->sent_Nm[p->newest]);
@@ -88,43 +95,76 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
     p->velocity_m_s = v;
 }
 
-/* E once `force_N` has acted for a period while the tip goes with v. */
-static float foreseen_J(const palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
-                        palp_vec3 v) {
+/* A velocity after so many periods of the same change. */
+static float foreseen(float now, float before, uint32_t periods) {
+    return now + (now - before) * (float)periods;
+}
+
+/* What the deficit will be once all that is on its way has acted. */
+static float deficit_soon_J(const palp_passivity *p, const palp_passivity_config *c) {
+    const palp_vec3 v = p->velocity_m_s;
     const float damped = SHARE * c->damping_Ns_per_m * palp_dot(v, v) * c->dt_s;
     float sum = p->energy_J + damped * (float)(c->delay + 1u);
     for (uint32_t i = 0; i < c->axes; i++) {
-        /* what is on its way will have acted before this force does */
-        float acting = p->acting_Nm[i], on_its_way = 0.0f;
-        for (uint32_t k = c->delay; k-- > 0u;) {
-            const float held = p->sent_Nm[back(p->newest, k)][i];
-            on_its_way += blend(c->prompt, acting, held);
-            acting = blend(1.0f - c->remains, acting, held);
-        }
-        on_its_way += (1.0f - c->prompt) * acting;
-        sum -= on_its_way * p->certain_rad_s[i] * c->dt_s;
+        const float now = p->certain_rad_s[i], before = p->before_rad_s[i];
+        float impulse_rad = c->tail * p->acting_Nm[i] * foreseen(now, before, 1u);
+        for (uint32_t k = 0; k < c->delay; k++)
+            impulse_rad += p->sent_Nm[back(p->newest, k)][i] * foreseen(now, before, c->delay - k);
+        sum -= impulse_rad * c->dt_s;
     }
-    return sum - c->prompt * palp_dot(force_N, v) * c->dt_s;
+    return -sum - p->doubt_J;
+}
+
+/* What a spring rendered by samples has given beyond what it stored softens it, while it is
+ * touched. What changes the stored energy without motion is not counted. */
+static void soften(palp_passivity *p, const palp_passivity_config *c, float stored_J, bool steady) {
+    const float more = p->gamma * p->sigma * (stored_J - p->stored_J);
+    const float gained = p->energy_before_J - p->energy_J; /* by the hand */
+    p->stored_J = stored_J;
+    p->energy_before_J = p->energy_J;
+    if (!steady || palp_abs(more) > MOVED * p->moved_J + p->doubt_J) {
+        p->leak_J = 0.0f;
+        return;
+    }
+    const float allowed = LEAK * c->deficit_max_J;
+    p->leak_J = palp_max(p->leak_J + more + gained, 0.0f);
+    if (p->leak_J <= allowed) return;
+    p->sigma /= 1.0f + (p->leak_J - allowed) / (SOFTEN * c->deficit_max_J);
+    p->leak_J = allowed;
+}
+
+/* Gamma for a force, from what it will have done by the time it has acted. */
+static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
+                       float size) {
+    if (!(size > 0.0f)) return 1.0f;
+    const float along = foreseen(palp_dot(force_N, p->velocity_m_s) / size,
+                                 palp_dot(force_N, p->before_m_s) / size, c->delay + 1u);
+    const float gives = size * along * c->dt_s;
+    if (!(gives > 0.0f)) return 1.0f;
+    const float begins = BEGINS * c->deficit_max_J, ends = ENDS * c->deficit_max_J;
+    const float soon = deficit_soon_J(p, c);
+    const float over = palp_clamp((soon + gives - begins) / (ends - begins), 0.0f, 1.0f);
+    const float soft = 1.0f - over * palp_clamp(along / CERTAINLY_M_S, 0.0f, 1.0f);
+    return palp_min(soft, palp_clamp((ends - soon) / gives, 0.0f, 1.0f));
 }
 
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J) {
+                           palp_vec3 force_N, float stored_J, bool steady) {
     const palp_passivity_config *c = config;
-    const float force = palp_norm(force_N);
-    p->energy_J = palp_min(p->energy_J, stored_J);
-    if (stored_J > 0.0f || force > 0.0f) p->idle = 0;
-    if ((float)p->idle * c->dt_s > FORGIVE_S) p->energy_J = 0.0f;
+    const float size = palp_norm(force_N);
+    soften(p, c, stored_J, steady);
+    p->energy_J = p->energy_before_J = palp_min(p->energy_J, stored_J);
+    p->moved_J = c->dt_s * palp_abs(palp_dot(force_N, p->velocity_m_s));
+    if (stored_J > 0.0f || size > 0.0f) p->idle = 0;
+    if ((float)p->idle * c->dt_s > FORGIVE_S) {
+        p->energy_J = 0.0f;
+        p->sigma = 1.0f;
+    }
     p->given_J = palp_max(p->given_J, -p->energy_J - p->doubt_J);
-    /* the velocity of the period that comes, where it is sure not to have turned */
-    palp_vec3 v = palp_sub(palp_scale(2.0f, p->velocity_m_s), p->before_m_s);
-    if (!(palp_dot(v, p->velocity_m_s) > 0.0f)) v = (palp_vec3){0};
-    const float along = force > 0.0f ? palp_dot(force_N, v) / force : 0.0f;
-    const float allowed = c->deficit_max_J;
-    const float deficit = -foreseen_J(p, c, force_N, v) - p->doubt_J;
-    const float soft = palp_clamp((deficit / allowed - BEGINS) / (ENDS - BEGINS), 0.0f, 1.0f);
-    const float wanted = 1.0f - soft * palp_clamp(along / CERTAINLY_M_S, 0.0f, 1.0f);
+    const float wanted = gamma_for(p, c, force_N, size);
+    if (wanted < p->gamma) p->sigma *= 1.0f - CUT * (p->gamma - wanted);
     p->gamma = palp_min(wanted, p->gamma + c->dt_s / RISE_S);
-    return p->gamma;
+    return p->gamma * p->sigma;
 }
 
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config) {

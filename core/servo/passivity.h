@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Passivity observer and controller in the time domain (after Hannaford and Ryu 2002): what the
- * motors give to the hand, and a brake that takes force away when they give too much.
+ * motors give to the hand, and a controller that takes force away when they give too much.
  *
  * The observer keeps its books where encoders and motors are. Joint i has turned by dq_i in the n_i
  * periods between two readings, under torques tau_i that are held for a period, begin to act
@@ -14,16 +14,21 @@
  * mechanism's own damping, which swallows part of what sampling leaks; v only what the encoder's
  * step leaves certain of the tip's velocity; the share s = 1/2 is what can be relied on. Capping E
  * at the stored energy keeps what was once dissipated from being spent on an oscillation later. A
- * reading's step leaves a doubt of sum |tau_i| step_i in E.
+ * reading's step leaves a doubt of sum |tau_i| step_i in E. -E beyond that doubt is the deficit D.
  *
- * The controller scales the force F along which the hand is certainly moving, F . v > 0, down from
- * a deficit of BEGINS of deficit_max_J and to nothing at ENDS, beyond the doubt:
+ * The controller only scales the force, F' = gamma sigma F with gamma and sigma in 0..1, so what it
+ * does can neither pull nor give: |F' . dx| <= |F . dx| for any motion.
  *
- *     F' = gamma F,   0 <= gamma <= 1
+ *     gamma   at once, where F goes with the motion foreseen for the time in which it will act:
+ * from 1 at D = 0.2 D_max to 0 at 0.7 D_max, D with all that is on its way; rises within 20 ms
+ *     sigma   for good, until the tool has been free for half a second: falls whenever gamma falls,
+ *             and by what a sampled spring has given beyond what it stored (the leak), L:
  *
- * so what it does can neither pull nor give: |F' . dx| <= |F . dx| for any motion. Gamma rises
- * again within RISE_S, and does not depend on the sign of an uncertain velocity, so it does not
- * chatter. A deficit beyond deficit_max_J is for the caller to end.
+ *             L += gamma sigma dS - dE, L >= 0;   beyond 0.05 D_max: sigma /= 1 + dL / (0.1 D_max)
+ *
+ * Gamma bounds the deficit; sigma finds the stiffness that the device renders without oscillation,
+ * within a few cycles, and stays there. S is what is stored; what changes it without motion
+ * (another contact level) is left out of L. A deficit beyond D_max is for the caller to end.
  */
 #ifndef PALP_SERVO_PASSIVITY_H
 #define PALP_SERVO_PASSIVITY_H
@@ -39,6 +44,7 @@ typedef struct {
     uint32_t delay;         /* below PALP_PASSIVITY_HISTORY */
     float dt_s;
     float remains; /* share of a force that is left after a period of another, exp(-T / tau) */
+    float tail;    /* tau / T: what a torque still gives after it has been taken back */
     float prompt;  /* share of a new set-point in the mean force of its period */
     float deficit_max_J;       /* > 0 */
     float step_rad[PALP_AXES]; /* of a joint's reading */
@@ -53,16 +59,19 @@ typedef struct {
 } palp_passivity_motion;
 
 typedef struct {
-    float energy_J;   /* E */
-    float absorbed_J; /* net energy that the hand has put in since the start */
-    float given_J;    /* largest deficit so far, -E without the doubt; not below 0 */
-    float doubt_J;    /* of E, at present */
-    float gamma;      /* of the last tick */
+    float energy_J;     /* E */
+    float absorbed_J;   /* net energy that the hand has put in since the start */
+    float given_J;      /* largest deficit so far, -E without the doubt; not below 0 */
+    float doubt_J;      /* of E, at present */
+    float gamma, sigma; /* of the last tick */
+    float leak_J;       /* L */
+    float stored_J, energy_before_J, moved_J;         /* a tick before: S, E, and |F . v| T */
     float sent_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of held torques at the joints */
     float mean_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of what acted in the last periods */
     float acting_Nm[PALP_AXES];                       /* at the end of the last period */
     uint32_t newest, latest;                          /* of the two rings */
     float q_rad[PALP_AXES], certain_rad_s[PALP_AXES]; /* of the last reading of each joint */
+    float before_rad_s[PALP_AXES];                    /* and of the one before */
     uint32_t since[PALP_AXES], unseen;                /* periods; unseen: of some joint */
     palp_vec3 velocity_m_s, before_m_s;               /* certain, of the tip; a tick before */
     uint32_t idle;                                    /* periods without contact */
@@ -78,9 +87,9 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
                             const palp_passivity_motion *motion);
 
 /* The share of `force_N` at the tip that may be sent, with `stored_J` in the body and the coupling.
- */
+ * `steady`: the force neither rises nor fades by itself. */
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J);
+                           palp_vec3 force_N, float stored_J, bool steady);
 
 /* Whether the deficit is beyond what is allowed. */
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);

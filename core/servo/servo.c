@@ -237,8 +237,11 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
     float gain = palp_safety_gain(&s->safety);
     palp_vec3 force = wanted_force(s, &pose, r);
-    palp_output_demand demand = {
-        .force_N = force, .stored_J = r->stored_J, .lift = gain, .friction = fresh ? gain : 0.0f};
+    palp_output_demand demand = {.force_N = force,
+                                 .stored_J = r->stored_J,
+                                 .steady = gain >= 1.0f,
+                                 .lift = gain,
+                                 .friction = fresh ? gain : 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         demand.dq_rad_s[i] = r->joint_rad_s[i];
         demand.feedforward_Nm[i] = in->feedforward_Nm[i];
