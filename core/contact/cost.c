@@ -263,6 +263,7 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
                 n * (PRICE(cost, FOLLOW) + cost->evaluation) + a * modes * PRICE(cost, MODE_AT);
     if (!cost->friction) return sum;
+    sum += cost->tools * PRICE(cost, FRICTION);
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +
                          a * a * PRICE(cost, DISPLACE) + corners);
 }

@@ -86,9 +86,11 @@ static void lay_depths(palp_friction *f, float grows) {
     palp_friction old = *f;
     const float step = 1.0f / grows, touched = f->root * (float)SPRINGS;
     for (uint32_t j = 0; j < SPRINGS; j++) {
-        const float from = (float)j * step, to = palp_min(from + step, touched);
+        const float from = palp_min((float)j * step, (float)SPRINGS);
+        const float to = palp_min(from + step, touched);
         palp_vec3 sum = {0};
-        for (uint32_t i = 0; i < SPRINGS; i++) {
+        /* at most SPRINGS; all depths together twice that */
+        for (uint32_t i = (uint32_t)from; i < SPRINGS && (float)i < to; i++) {
             const float low = palp_clamp(from - (float)i, 0.0f, 1.0f);
             const float high = palp_clamp(to - (float)i, 0.0f, 1.0f);
             if (high > low) sum = palp_add(sum, stretch_between(&old, i, low, high));
@@ -290,6 +292,7 @@ void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_
     find_stretch(&springs, free, (palp_symmetric2){far.xx + soft, far.xy, far.yy + soft},
                  mu * f->normal_N, by);
     slip(f, &springs, by, force);
+    contact->work_done += 40u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)springs.count;
     const float moved[2] = {
         by[0] + far.xx * (force[0] - before[0]) + far.xy * (force[1] - before[1]),
         by[1] + far.xy * (force[0] - before[0]) + far.yy * (force[1] - before[1])};

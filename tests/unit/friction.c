@@ -46,8 +46,7 @@ static double hold(pressed *p, double depth, double x_m) {
     at.x += (float)x_m;
     palp_friction_solve(&p->friction, p->contact, 0, at, 0);
     palp_friction_settle(&p->friction, at);
-    return -(double)p->friction.force_N.x /
-           (double)(p->tool->friction * p->contact->normal_N[0]);
+    return -(double)p->friction.force_N.x / (double)(p->tool->friction * p->contact->normal_N[0]);
 }
 
 static double along_x(const palp_friction *f, palp_symmetric2 c) {
@@ -157,8 +156,7 @@ static double oracle_move(oracle *o, double load, double x) {
     const double force = oracle_force(o, z, low - o->at);
     for (int i = 0; i < MANY; i++) {
         const double root = (i + 0.5) / MANY * 1.2, reach = z - root * root;
-        if (reach > 0)
-            o->stretch[i] = fmax(-reach, fmin(reach, o->stretch[i] + low - o->at));
+        if (reach > 0) o->stretch[i] = fmax(-reach, fmin(reach, o->stretch[i] + low - o->at));
     }
     o->at = low;
     return force;
@@ -192,8 +190,9 @@ static void test_held(const baked *b, double swing) {
         (void)hold(&p, 0.05 * pow(load_at(i, swing), 2.0 / 3), x);
         const double now = -(double)p.friction.force_N.x / begun;
         if (i <= 3 * CYCLE)
-            off = fmax(off, fabs(now - oracle_move(&o, (double)p.friction.normal_N / load,
-                                                   x / full) / begun_o));
+            off =
+                fmax(off, fabs(now - oracle_move(&o, (double)p.friction.normal_N / load, x / full) /
+                                         begun_o));
         if (i == CYCLE) first = now;
         if (i % CYCLE == 0) {
             last = now;
@@ -213,8 +212,7 @@ static void test_oracle(void) {
     const double x = 1 - pow(0.7, 2.0 / 3);
     const double begun = oracle_move(&o, 1, x);
     double now = 0;
-    for (int i = 1; i <= 20; i++)
-        now = oracle_move(&o, load_at(CYCLE / 20 * i, 0.2), x) / begun;
+    for (int i = 1; i <= 20; i++) now = oracle_move(&o, load_at(CYCLE / 20 * i, 0.2), x) / begun;
     AT_MOST(fabs(now - 0.915), 5e-3, "the oracle after +-20 %% of load on a half-space");
 }
 

@@ -24,7 +24,8 @@ static double bounce(bool guarded, double *last) {
         palp_passivity_observe(&p, &c, &m);
         palp_vec3 wanted = {0, 0, (float)(x < 0 ? -k * x : 0)};
         float stored = (float)(x < 0 ? 0.5 * k * x * x : 0);
-        if (guarded) wanted = palp_scale(palp_passivity_share(&p, &c, wanted, stored, true), wanted);
+        if (guarded)
+            wanted = palp_scale(palp_passivity_share(&p, &c, wanted, stored, true), wanted);
         palp_passivity_sent(&p, (float[PALP_AXES]){wanted.z});
         force = (double)wanted.z;
         for (double t = 0; t < 0.004; t += h) {
