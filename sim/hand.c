@@ -68,7 +68,7 @@ static void script_target(const hand *h, double time_s, double x_m[3]) {
     if (i + 1 == h->count || time_s <= a->time_s) return;
     const hand_key *b = &h->key[i + 1];
     double s = (time_s - a->time_s) / (b->time_s - a->time_s);
-    double blend = s * s * s * (10 + s * (6 * s - 15));
+    double blend = h->even ? s : s * s * s * (10 + s * (6 * s - 15));
     for (int k = 0; k < 3; k++) x_m[k] += blend * (b->x_m[k] - a->x_m[k]);
 }
 

@@ -3,6 +3,7 @@
 #ifndef PALP_SIM_HAND_H
 #define PALP_SIM_HAND_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 typedef struct {
@@ -14,6 +15,7 @@ typedef struct {
     hand_key *key;
     uint32_t count;
     double stiffness_N_per_m, damping_Ns_per_m;
+    bool even;       /* between two keys at an even speed, not with minimum jerk */
     double tremor_m; /* at 8 to 11 Hz; a hand never holds quite still */
 } hand;
 

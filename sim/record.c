@@ -76,8 +76,8 @@ void record_write_session(FILE *f, const session_record *s) {
             (double)p->origin_m.x, (double)p->origin_m.y, (double)p->origin_m.z);
     fprintf(m, "rotation");
     for (int i = 0; i < 9; i++) fprintf(m, " %.9g", (double)p->rotation[i]);
-    fprintf(m, "\nscale %.9g\ntool %.9g %.9g\n", (double)p->scale, (double)c->tool.ball[0].radius_m,
-            (double)c->tool.friction);
+    fprintf(m, "\nscale %.9g\ntool %.9g %.9g\nsliding %.9g\n", (double)p->scale,
+            (double)c->tool.ball[0].radius_m, (double)c->tool.friction, (double)c->tool.sliding);
     fprintf(m, "finest %" PRIu32 "\n", c->finest);
     fprintf(m, "cost %.9g %.9g %.9g\nprices", (double)c->cost.ns_per_instruction,
             (double)c->cost.ns_per_byte, (double)c->cost.margin);
@@ -109,8 +109,8 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
         for (uint32_t i = 0; i < n; i++) palp_put_u32(frame.data + 4 * i, t->clock_ns[at + i]);
         candump_write(f, t->time_s, CHANNEL, &frame);
     }
-    const float values[] = {r->force_N.x, r->force_N.y, r->force_N.z,  r->tip_m.x,   r->tip_m.y,
-                            r->tip_m.z,   r->stored_J,  r->absorbed_J, r->elapsed_ns};
+    const float values[] = {r->force_N.x, r->force_N.y, r->force_N.z,  r->tip_m.x,    r->tip_m.y,
+                            r->tip_m.z,   r->stored_J,  r->absorbed_J, r->elapsed_ns, r->given_J};
     frame = own_frame(ID_RESULT, 64);
     put_u64(frame.data, t->digest);
     frame.data[8] = (uint8_t)r->state;
@@ -119,7 +119,7 @@ void record_write_tick(FILE *f, const char *bus, const tick_record *t) {
     frame.data[11] = r->held ? 1 : 0;
     palp_put_u32(frame.data + 12, r->faults);
     palp_put_u32(frame.data + 16, r->active);
-    for (uint32_t i = 0; i < 9; i++) palp_put_f32(frame.data + 20 + 4 * i, values[i]);
+    for (uint32_t i = 0; i < 10; i++) palp_put_f32(frame.data + 20 + 4 * i, values[i]);
     candump_write(f, t->time_s, CHANNEL, &frame);
     for (uint32_t i = 0; i < t->out_count; i++) candump_write(f, t->time_s, bus, &t->out[i]);
 }
@@ -206,6 +206,7 @@ static bool parse_header_line(session_record *s, const char *line) {
         c->tool.friction = two[1];
         return true;
     }
+    if (floats(line, "sliding", &c->tool.sliding, 1)) return true;
     if (sscanf(line, "finest %" SCNu32, &c->finest) == 1) return true;
     if (floats(line, "cost", three, 3)) {
         c->cost = (palp_cost_table){&s->target, three[0], three[1], three[2]};
@@ -318,13 +319,14 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
     t->report.held = frame.data[11] != 0;
     t->report.faults = palp_get_u32(frame.data + 12);
     t->report.active = palp_get_u32(frame.data + 16);
-    float v[9];
-    for (uint32_t i = 0; i < 9; i++) v[i] = palp_get_f32(frame.data + 20 + 4 * i);
+    float v[10];
+    for (uint32_t i = 0; i < 10; i++) v[i] = palp_get_f32(frame.data + 20 + 4 * i);
     t->report.force_N = palp_vec3_at(v);
     t->report.tip_m = palp_vec3_at(v + 3);
     t->report.stored_J = v[6];
     t->report.absorbed_J = v[7];
     t->report.elapsed_ns = v[8];
+    t->report.given_J = v[9]; /* 0 in logs of before */
     return take_frames(r, t->out, t->out_count);
 }
 

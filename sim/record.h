@@ -11,8 +11,8 @@
  *             clock readings, wake-up lateness in us. The frames in follow.
  *   1FFF0002  clock readings, up to 16 u32 ns after the tick's first
  *   1FFF0003  the result: digest u64, state, level, points, held, faults u32, active u32, then
- *             f32: force N x3, tip m x3, stored J, absorbed J, duration of the tick ns. The frames
- *             out follow.
+ *             f32: force N x3, tip m x3, stored J, absorbed J, duration of the tick ns, given
+ *             J. The frames out follow.
  *   1FFF0004  ticks that were lost on the way to the file, u64: replay ends here
  */
 #ifndef PALP_SIM_RECORD_H

@@ -50,6 +50,13 @@ float smallest_energy_margin(const run_record *r) {
     return smallest;
 }
 
+/* The largest deficit of the run that was not a doubt of the encoders. */
+static float largest_given(const run_record *r) {
+    float most = 0;
+    for (size_t i = 0; i < r->count; i++) most = fmaxf(most, r->tick[i].given_J);
+    return most;
+}
+
 const char *report_state(palp_state state) {
     static const char *const names[] = {PALP_STATE_NAMES};
     return names[state];
@@ -156,8 +163,10 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
          r->minor_faults, r->unrecorded);
     LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
          c->limited);
-    LINE("energy", "absorbed from the hand %.4g J at the end, smallest margin %.3g J",
-         (double)last->absorbed_J, (double)smallest_energy_margin(r));
+    LINE("energy",
+         "given to the hand: %.3g J (beyond what it had put in); absorbed from it %.4g J at the "
+         "end, smallest margin %.3g J",
+         (double)largest_given(r), (double)last->absorbed_J, (double)smallest_energy_margin(r));
 #undef LINE
     free(us);
 }

@@ -150,6 +150,7 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
     palp_coupling_tool *k = &coupling->tool[t];
     const palp_vec3 device = coupling->next_m[t];
     palp_vec3 force = {0};
+    float damped = 0.0f;
     float moved = palp_norm(palp_sub(tool_m, k->expected_m));
     k->tool_m = tool_m;
     if (k->touching) force = palp_scale(k->stiffness_N_per_m, palp_sub(tool_m, device));
@@ -157,7 +158,10 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
         stored_J + k->friction.energy_J + 0.5f / k->stiffness_N_per_m * palp_dot(force, force);
     if (k->touching) {
         palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
-        force = palp_add(force, damper(k, k->measured ? k->velocity_m_s : velocity));
+        if (k->measured) velocity = k->velocity_m_s;
+        const palp_vec3 d = damper(k, velocity);
+        damped = -palp_dot(d, velocity);
+        force = palp_add(force, d);
         /* a tool that lags behind must not pull */
         const float size2 = palp_dot(k->contact_N, k->contact_N),
                     along = palp_dot(force, k->contact_N);
@@ -165,8 +169,11 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
     }
     k->device_m = device;
     k->offset_N = palp_scale(1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f), k->offset_N);
-    result[t] = (palp_coupling_result){
-        .force_N = force, .tool_m = tool_m, .moved_m = moved, .energy_J = energy};
+    result[t] = (palp_coupling_result){.force_N = force,
+                                       .tool_m = tool_m,
+                                       .moved_m = moved,
+                                       .damped_W = damped,
+                                       .energy_J = energy};
 }
 
 void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt_s,

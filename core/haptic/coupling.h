@@ -65,6 +65,7 @@ typedef struct {
     palp_vec3 force_N; /* on the device */
     palp_vec3 tool_m;
     float moved_m;  /* how far the tool came to rest from where it was foreseen */
+    float damped_W; /* taken up by D */
     float energy_J; /* stored in the contact, this tool's spring and friction */
 } palp_coupling_result;
 

@@ -85,8 +85,9 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     if (!r.bad) {
         palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
         if (passive != NULL) {
-            const float share = palp_passivity_share(&output->passivity, passive, force,
-                                                     demand->stored_J, demand->steady);
+            const float share =
+                palp_passivity_share(&output->passivity, passive, force, demand->stored_J,
+                                     demand->damped_W, demand->steady);
             r.braked = share < 1.0f;
             force = palp_scale(share, force);
         }
@@ -109,6 +110,6 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     float joint_Nm[PALP_AXES] = {0.0f};
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
         joint_Nm[i] = r.touch_torque_Nm[i] * device->gear[i];
-    palp_passivity_sent(&output->passivity, joint_Nm);
+    palp_passivity_sent(&output->passivity, passive, joint_Nm);
     return r;
 }

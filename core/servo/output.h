@@ -20,7 +20,8 @@ typedef struct {
 typedef struct {
     palp_vec3 force_N;               /* wanted at the tip */
     float stored_J;                  /* in what makes it */
-    bool steady;                     /* neither rises nor fades by itself */
+    float damped_W;                  /* taken up by its damper */
+    bool steady;                     /* see palp_passivity_share */
     float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
     float lift, friction; /* shares of the compensation, 0..1; lift also of feed-forward */

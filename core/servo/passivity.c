@@ -8,10 +8,8 @@
 #define CERTAINLY_M_S 0.01f /* along the force, from which a motion counts in full */
 #define RISE_S 0.02f
 #define CUT 0.4f    /* share of a fall of gamma that sigma follows for good */
-#define LEAK 0.05f  /* of the largest deficit, that may leak */
+#define LEAK 0.1f   /* of the largest deficit, that may leak */
 #define SOFTEN 0.1f /* of it, that softens by a factor of e */
-#define MOVED                                                                                      \
-    4.0f /* times the work of a tick, beyond which a change of what is stored is another's */
 
 palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_per_m,
                                                uint32_t delay, float dt_s, float lag_s) {
@@ -35,6 +33,11 @@ static uint32_t back(uint32_t from, uint32_t periods) {
 
 static float blend(float share, float from, float to) { return from + share * (to - from); }
 
+static void push(palp_passivity *p, const float torque_Nm[PALP_AXES]) {
+    p->newest = (p->newest + 1u) % PALP_PASSIVITY_HISTORY;
+    for (uint32_t i = 0; i < PALP_AXES; i++) p->sent_Nm[p->newest][i] = torque_Nm[i];
+}
+
 /* A period has passed in which nothing was sent anew. */
 static void pass_period(palp_passivity *p, const palp_passivity_config *c) {
     const float *held = p->sent_Nm[back(p->newest, c->delay)];
@@ -56,6 +59,7 @@ static float mean_Nm(const palp_passivity *p, uint32_t joint, uint32_t periods) 
 static float given(palp_passivity *p, const palp_passivity_motion *m, uint32_t i) {
     const float turned = p->begun ? m->q_rad[i] - p->q_rad[i] : 0.0f;
     const float work = turned * mean_Nm(p, i, p->since[i]);
+    p->turned_rad[i] = turned;
     p->q_rad[i] = m->q_rad[i];
     p->before_rad_s[i] = p->certain_rad_s[i];
     p->certain_rad_s[i] = m->certain_rad_s[i];
@@ -70,7 +74,7 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
     if (!p->begun) p->gamma = p->sigma = 1.0f;
     pass_period(p, c);
     for (uint32_t k = 0; k < more && k < PALP_PASSIVITY_HISTORY; k++) {
-        palp_passivity_sent(p, p->sent_Nm[p->newest]);
+        push(p, p->sent_Nm[p->newest]);
         pass_period(p, c);
     }
     bool all = true;
@@ -87,9 +91,14 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
     p->absorbed_J -= sum;
     p->energy_J -= sum;
     p->begun = true;
+    p->counted = all && p->unseen == 1u;
     if (!all) return;
     const palp_vec3 v = motion->certain_m_s;
-    p->energy_J += SHARE * c->damping_Ns_per_m * palp_dot(v, v) * c->dt_s * (float)p->unseen;
+    const float swallowed =
+        SHARE * c->damping_Ns_per_m * palp_dot(v, v) * c->dt_s * (float)p->unseen;
+    p->energy_J += swallowed;
+    p->worked_J = sum;
+    p->swallowed_J = swallowed + p->damped_J;
     p->unseen = 0;
     p->before_m_s = p->velocity_m_s;
     p->velocity_m_s = v;
@@ -115,24 +124,6 @@ static float deficit_soon_J(const palp_passivity *p, const palp_passivity_config
     return -sum - p->doubt_J;
 }
 
-/* What a spring rendered by samples has given beyond what it stored softens it, while it is
- * touched. What changes the stored energy without motion is not counted. */
-static void soften(palp_passivity *p, const palp_passivity_config *c, float stored_J, bool steady) {
-    const float more = p->gamma * p->sigma * (stored_J - p->stored_J);
-    const float gained = p->energy_before_J - p->energy_J; /* by the hand */
-    p->stored_J = stored_J;
-    p->energy_before_J = p->energy_J;
-    if (!steady || palp_abs(more) > MOVED * p->moved_J + p->doubt_J) {
-        p->leak_J = 0.0f;
-        return;
-    }
-    const float allowed = LEAK * c->deficit_max_J;
-    p->leak_J = palp_max(p->leak_J + more + gained, 0.0f);
-    if (p->leak_J <= allowed) return;
-    p->sigma /= 1.0f + (p->leak_J - allowed) / (SOFTEN * c->deficit_max_J);
-    p->leak_J = allowed;
-}
-
 /* Gamma for a force, from what it will have done by the time it has acted. */
 static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
                        float size) {
@@ -149,12 +140,13 @@ static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, 
 }
 
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J, bool steady) {
+                           palp_vec3 force_N, float stored_J, float damped_W, bool steady) {
     const palp_passivity_config *c = config;
     const float size = palp_norm(force_N);
-    soften(p, c, stored_J, steady);
-    p->energy_J = p->energy_before_J = palp_min(p->energy_J, stored_J);
-    p->moved_J = c->dt_s * palp_abs(palp_dot(force_N, p->velocity_m_s));
+    p->energy_J = palp_min(p->energy_J, stored_J);
+    p->counted = p->counted && steady;
+    p->damped_J = damped_W * c->dt_s;
+    if (!(size > 0.0f)) p->leak_J = 0.0f;
     if (stored_J > 0.0f || size > 0.0f) p->idle = 0;
     if ((float)p->idle * c->dt_s > FORGIVE_S) {
         p->energy_J = 0.0f;
@@ -164,6 +156,7 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *confi
     const float wanted = gamma_for(p, c, force_N, size);
     if (wanted < p->gamma) p->sigma *= 1.0f - CUT * (p->gamma - wanted);
     p->gamma = palp_min(wanted, p->gamma + c->dt_s / RISE_S);
+    p->damped_J *= p->gamma * p->sigma;
     return p->gamma * p->sigma;
 }
 
@@ -171,7 +164,23 @@ bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_confi
     return -p->energy_J > config->deficit_max_J + p->doubt_J;
 }
 
-void palp_passivity_sent(palp_passivity *p, const float torque_Nm[PALP_AXES]) {
-    p->newest = (p->newest + 1u) % PALP_PASSIVITY_HISTORY;
-    for (uint32_t i = 0; i < PALP_AXES; i++) p->sent_Nm[p->newest][i] = torque_Nm[i];
+/* Work of the motors in the last period beyond what the same force would have done continuously, by
+ * the trapezoidal rule between the readings at its ends. */
+static void soften(palp_passivity *p, const palp_passivity_config *c,
+                   const float torque_Nm[PALP_AXES]) {
+    const float *before = p->sent_Nm[p->newest];
+    const float allowed = LEAK * c->deficit_max_J;
+    float leak = p->worked_J - p->swallowed_J;
+    for (uint32_t i = 0; i < c->axes; i++)
+        leak -= 0.5f * (torque_Nm[i] + before[i]) * p->turned_rad[i];
+    p->leak_J = palp_max(p->leak_J + leak, 0.0f);
+    if (p->leak_J <= allowed) return;
+    p->sigma /= 1.0f + (p->leak_J - allowed) / (SOFTEN * c->deficit_max_J);
+    p->leak_J = allowed;
+}
+
+void palp_passivity_sent(palp_passivity *p, const palp_passivity_config *config,
+                         const float torque_Nm[PALP_AXES]) {
+    if (config != NULL && p->counted) soften(p, config, torque_Nm);
+    push(p, torque_Nm);
 }

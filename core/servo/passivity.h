@@ -22,10 +22,13 @@
  *     gamma   at once, where F goes with the motion foreseen for the time in which it will act:
  * from 1 at D = 0.2 D_max to 0 at 0.7 D_max, D with all that is on its way; rises within 20 ms
  *     sigma   for good, until the tool has been free for half a second: falls whenever gamma falls,
- *             and by what a sampled spring has given beyond what it stored (the leak), L:
+ *             and by the leak L, what the motors have done beyond what the same force would have
+ *             done continuously, less what dampers swallow:
  *
- *             L += gamma sigma dS - dE, L >= 0;   beyond 0.05 D_max: sigma /= 1 + dL / (0.1 D_max)
+ *             L += sum_i (mean(tau_i) - (tau_i + tau_i') / 2) dq_i - (s b |v|^2 + D v) T, L >= 0
+ *             beyond 0.1 D_max: sigma /= 1 + dL / (0.1 D_max)
  *
+ * with the torques tau and tau' that answer the readings at either end of dq.
  * Gamma bounds the deficit; sigma finds the stiffness that the device renders without oscillation,
  * within a few cycles, and stays there. S is what is stored; what changes it without motion
  * (another contact level) is left out of L. A deficit beyond D_max is for the caller to end.
@@ -65,7 +68,9 @@ typedef struct {
     float doubt_J;      /* of E, at present */
     float gamma, sigma; /* of the last tick */
     float leak_J;       /* L */
-    float stored_J, energy_before_J, moved_J;         /* a tick before: S, E, and |F . v| T */
+    float turned_rad[PALP_AXES], worked_J; /* in the last period; by the motors */
+    float damped_J, swallowed_J;           /* by the force's own damping; and by the mechanism's */
+    bool counted;                          /* the last period is known whole */
     float sent_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of held torques at the joints */
     float mean_Nm[PALP_PASSIVITY_HISTORY][PALP_AXES]; /* ring of what acted in the last periods */
     float acting_Nm[PALP_AXES];                       /* at the end of the last period */
@@ -86,15 +91,17 @@ palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_p
 void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config,
                             const palp_passivity_motion *motion);
 
-/* The share of `force_N` at the tip that may be sent, with `stored_J` in the body and the coupling.
- * `steady`: the force neither rises nor fades by itself. */
+/* The share of `force_N` at the tip that may be sent, with `stored_J` in the body and the coupling
+ * and `damped_W` taken up by its damper. `steady`: the force answers the readings of this tick. */
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J, bool steady);
+                           palp_vec3 force_N, float stored_J, float damped_W, bool steady);
 
 /* Whether the deficit is beyond what is allowed. */
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);
 
-/* Ends a tick: torques at the joints, without what the mechanism asks for. */
-void palp_passivity_sent(palp_passivity *p, const float torque_Nm[PALP_AXES]);
+/* Ends a tick: torques at the joints, without what the mechanism asks for. `config` NULL: books
+ * alone. */
+void palp_passivity_sent(palp_passivity *p, const palp_passivity_config *config,
+                         const float torque_Nm[PALP_AXES]);
 
 #endif

@@ -20,6 +20,7 @@ struct palp_servo {
     float dt_s, bound_ns;
     uint64_t start_ns;              /* of the tick under way */
     uint32_t periods;               /* since the tick before it */
+    bool seen;                      /* all joints are where they were read in this tick */
     float certain_rad_s[PALP_AXES]; /* of the joints: 0 for one that is not seen any more */
     palp_vec3 certain_m_s;          /* of the tip */
 };
@@ -147,7 +148,7 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 
 /* ---- force ---- */
 
-static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
+static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r, float *damped_W) {
     const palp_placement *p = &s->config.placement;
     palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
     palp_coupling_tool *spring = &s->answer.coupling.tool[0];
@@ -159,6 +160,7 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r) {
     s->counters.coarsened = s->answer.coarsened;
     s->counters.refined = s->answer.refined;
     s->counters.held = s->answer.held;
+    *damped_W = result.damped_W;
     r->tool_m = result.tool_m;
     r->stored_J = result.energy_J;
     r->unforeseen_m = result.moved_m;
@@ -185,11 +187,12 @@ static float reach_gain(palp_servo *s, const palp_pose *pose) {
 }
 
 /* The force of RUN, or of DAMPING: what is left of the contact, and a brake. */
-static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report *r) {
+static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report *r,
+                              float *damped_W) {
     float gain = palp_safety_gain(&s->safety) * reach_gain(s, pose);
     palp_vec3 force = {0.0f, 0.0f, 0.0f};
     if (gain > 0.0f || s->safety.state == PALP_STATE_RUN) {
-        force = palp_scale(gain, feel(s, pose->tip_m, r));
+        force = palp_scale(gain, feel(s, pose->tip_m, r, damped_W));
         r->stored_J *= gain;
     }
     if (s->safety.state == PALP_STATE_RUN) return force;
@@ -199,12 +202,14 @@ static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report 
 /* Where the joints are taken to be, and how fast. */
 static palp_pose look(palp_servo *s, palp_report *r) {
     float place_rad[PALP_AXES] = {0.0f};
+    s->seen = true;
     for (uint32_t i = 0; i < s->axes.count; i++) {
         const palp_joint *j = &s->axes.joint[i];
-        const bool seen = j->age <= PALP_JOINT_FORESEEN;
+        const bool known = j->age <= PALP_JOINT_FORESEEN;
+        s->seen = s->seen && j->age == 0u && !(palp_abs(j->shift_rad) > 0.0f);
         r->joint_rad[i] = place_rad[i] = j->place_rad;
         r->joint_rad_s[i] = j->dq_rad_s;
-        s->certain_rad_s[i] = seen ? j->certain_rad_s : 0.0f;
+        s->certain_rad_s[i] = known ? j->certain_rad_s : 0.0f;
     }
     const palp_pose pose = palp_forward(&s->config.device.kinematics, place_rad);
     r->tip_m = pose.tip_m;
@@ -236,10 +241,12 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
      * knows the velocity, and never against the brake of DAMPING. */
     bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
     float gain = palp_safety_gain(&s->safety);
-    palp_vec3 force = wanted_force(s, &pose, r);
+    float damped_W = 0.0f;
+    palp_vec3 force = wanted_force(s, &pose, r, &damped_W);
     palp_output_demand demand = {.force_N = force,
                                  .stored_J = r->stored_J,
-                                 .steady = gain >= 1.0f,
+                                 .damped_W = damped_W,
+                                 .steady = gain >= 1.0f && s->seen,
                                  .lift = gain,
                                  .friction = fresh ? gain : 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) {

@@ -34,7 +34,9 @@ static const char help[] =
     "  --rate HZ           default 1000\n"
     "  --seconds S         default 10; 0 runs until interrupted\n"
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
-    "  --friction MU       Coulomb friction of the tool, 0 to 10 (default 0)\n"
+    "  --friction MU[,S]   Coulomb friction of the tool, 0 to 10 (default 0), and S, not above "
+    "it,\n"
+    "                      while it slides\n"
     "  --resume            leave DAMPING without an operator when all is well again\n"
     "  --hold              no force until the operator's first SIGUSR1\n"
     "  --log FILE          everything that enters and leaves each tick, in candump format\n"
@@ -78,7 +80,7 @@ static const option options[] = {
 
 typedef struct {
     const char *blob, *bus, *device, *hand, *log, *report, *view, *fault;
-    double rate_hz, seconds, friction;
+    double rate_hz, seconds, friction, sliding;
     uint32_t touch, seed;
     realtime_spec realtime;
     bool no_wait, resume, hold, lockstep, dds;
@@ -95,6 +97,21 @@ static void on_interrupt(int number) {
 static void on_operator(int number) {
     uint32_t event = number == SIGUSR1 ? PALP_EVENT_RESET : PALP_EVENT_ESTOP;
     if (running != NULL) atomic_fetch_or(&running->operator_events, event);
+}
+
+/* MU or MU,SLIDING */
+static void set_friction(daemon_spec *s, const argument *a) {
+    char rest;
+    const int n = sscanf(a->value[0], "%lf,%lf%c", &s->friction, &s->sliding, &rest);
+    const bool both = strchr(a->value[0], ',') != NULL;
+    if (n != (both ? 2 : 1))
+        die(EXIT_USAGE, "%s: need a number, or two with a comma between, not '%s'", a->where,
+            a->value[0]);
+    if (!(s->friction >= 0 && s->friction <= 10))
+        die(EXIT_USAGE, "%s: %s is out of range: need 0 to 10", a->where, a->value[0]);
+    if (both && !(s->sliding > 0 && s->sliding <= s->friction))
+        die(EXIT_USAGE, "%s: sliding friction %g: need more than 0 and at most the static %g",
+            a->where, s->sliding, s->friction);
 }
 
 static void set_option(void *context, const argument *a) {
@@ -128,9 +145,7 @@ static void set_option(void *context, const argument *a) {
     if (strcmp(o, "--cpu") == 0) s->realtime.cpu = (int)arg_u32(a, 0, 0, 1023);
     if (strcmp(o, "--priority") == 0) s->realtime.priority = (int)arg_u32(a, 0, 1, 98);
     if (strcmp(o, "--friction") != 0) return;
-    s->friction = arg_double(a, 0);
-    if (!(s->friction >= 0 && s->friction <= 10))
-        die(EXIT_USAGE, "%s: %s is out of range: need 0 to 10", a->where, a->value[0]);
+    set_friction(s, a);
 }
 
 static void check_options(const daemon_spec *s) {
@@ -396,6 +411,7 @@ int main(int argc, char **argv) {
                                 .port = {.now_ns = loop_clock, .context = loop},
                                 .resume = s.resume};
     config.tool.friction = (float)s.friction;
+    config.tool.sliding = (float)s.sliding;
     machine speed;
     if (!s.lockstep) {
         calibrate(&speed, &blob, &config.tool, touch.node, false);

@@ -25,8 +25,8 @@ static double bounce(bool guarded, double *last) {
         palp_vec3 wanted = {0, 0, (float)(x < 0 ? -k * x : 0)};
         float stored = (float)(x < 0 ? 0.5 * k * x * x : 0);
         if (guarded)
-            wanted = palp_scale(palp_passivity_share(&p, &c, wanted, stored, true), wanted);
-        palp_passivity_sent(&p, (float[PALP_AXES]){wanted.z});
+            wanted = palp_scale(palp_passivity_share(&p, &c, wanted, stored, 0, true), wanted);
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){wanted.z});
         force = (double)wanted.z;
         for (double t = 0; t < 0.004; t += h) {
             v += h * (force / mass - 9.81);
@@ -71,7 +71,7 @@ static double books(uint32_t seen, uint32_t delay, float lag_s) {
             .periods = periods, .q_rad = {(float)q}, .fresh = {fresh}, .certain_m_s = {0, 0, 0}};
         palp_passivity_observe(&p, &c, &m);
         const double torque = -0.02 - 0.01 * sin(0.05 * tick);
-        palp_passivity_sent(&p, (float[PALP_AXES]){(float)torque});
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){(float)torque});
         for (int i = 3; i > 0; i--) sent[i] = sent[i - 1];
         sent[0] = torque;
     }
@@ -107,10 +107,11 @@ static void test_scales(void) {
                                    .certain_m_s = {0, r[3], r[1]}};
         palp_passivity_observe(&p, &c, &m);
         const palp_vec3 force = {0, 3 * r[0], 5 * r[2]};
-        const float share = palp_passivity_share(&p, &c, force, 0.01f * fabsf(r[3]), i % 50 > 0);
+        const float share =
+            palp_passivity_share(&p, &c, force, 0.01f * fabsf(r[3]), fabsf(r[0]), i % 50 > 0);
         within = within && share >= 0.0f && share <= 1.0f;
         cut = cut || share < 0.5f;
-        palp_passivity_sent(&p, (float[PALP_AXES]){share * force.z});
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){share * force.z});
     }
     CHECK(within && cut, "any motion, any force, readings lost: the share stays in 0..1");
 }
@@ -122,16 +123,16 @@ static void test_forgiving(void) {
     palp_passivity_motion m = {.periods = 1, .fresh = {true}};
     const palp_vec3 none = {0, 0, 0}, some = {0, 0, 1};
     palp_passivity_observe(&p, &c, &m);
-    palp_passivity_sent(&p, (float[PALP_AXES]){1});
+    palp_passivity_sent(&p, &c, (float[PALP_AXES]){1});
     m.q_rad[0] = 0.0005f; /* 0.5 mJ */
     palp_passivity_observe(&p, &c, &m);
-    (void)palp_passivity_share(&p, &c, some, 0, true);
-    palp_passivity_sent(&p, (float[PALP_AXES]){0});
+    (void)palp_passivity_share(&p, &c, some, 0, 0, true);
+    palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
     const float owed = -p.energy_J;
     for (int i = 0; i < 2000; i++) { /* touched all the time */
         palp_passivity_observe(&p, &c, &m);
-        (void)palp_passivity_share(&p, &c, some, 0.01f, true);
-        palp_passivity_sent(&p, (float[PALP_AXES]){0});
+        (void)palp_passivity_share(&p, &c, some, 0.01f, 0, true);
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
     }
     CHECK(owed > 0.49e-3f && !(-p.energy_J < owed) && !palp_passivity_exceeded(&p, &c),
           "0.5 mJ given are remembered for as long as there is contact: %.3f mJ",
@@ -140,19 +141,19 @@ static void test_forgiving(void) {
     for (int i = 0; i < 1000 && forgiven < 0; i++) { /* ticks of two periods */
         m.periods = 2;
         palp_passivity_observe(&p, &c, &m);
-        (void)palp_passivity_share(&p, &c, none, 0, true);
-        palp_passivity_sent(&p, (float[PALP_AXES]){0});
+        (void)palp_passivity_share(&p, &c, none, 0, 0, true);
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
         if (!(-p.energy_J > 0)) forgiven = 2 * i;
     }
     CHECK(forgiven >= 490 && forgiven <= 510, "and let go %d ms after it ended", forgiven);
     m.periods = 1;
-    palp_passivity_sent(&p, (float[PALP_AXES]){2});
+    palp_passivity_sent(&p, &c, (float[PALP_AXES]){2});
     m.q_rad[0] += 0.00055f;
     palp_passivity_observe(&p, &c, &m);
     CHECK(palp_passivity_exceeded(&p, &c), "1.1 mJ are more than is allowed");
     c.step_rad[0] = 0.0001f;
     palp_passivity_observe(&p, &c, &m);
-    palp_passivity_sent(&p, (float[PALP_AXES]){2});
+    palp_passivity_sent(&p, &c, (float[PALP_AXES]){2});
     palp_passivity_observe(&p, &c, &m);
     CHECK(!palp_passivity_exceeded(&p, &c), "but not with an encoder that leaves 0.2 mJ in doubt");
 }
@@ -176,9 +177,9 @@ static void test_quiet(void) {
         palp_passivity_observe(&p, &c, &m);
         const palp_vec3 force = {0, 0, (float)(k * depth)};
         const float share =
-            palp_passivity_share(&p, &c, force, (float)(0.5 * k * depth * depth), true);
+            palp_passivity_share(&p, &c, force, (float)(0.5 * k * depth * depth), 0, true);
         least = fminf(least, share);
-        palp_passivity_sent(&p, (float[PALP_AXES]){share * force.z});
+        palp_passivity_sent(&p, &c, (float[PALP_AXES]){share * force.z});
     }
     CHECK(least >= 1, "19 presses of 6 mm on 300 N/m at 1 kHz: share %.3f", (double)least);
 }
