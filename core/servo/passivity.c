@@ -152,7 +152,7 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *confi
         p->energy_J = 0.0f;
         p->sigma = 1.0f;
     }
-    p->given_J = palp_max(p->given_J, -p->energy_J - p->doubt_J);
+    p->given_J = palp_max(-p->energy_J - p->doubt_J, p->given_J);
     const float wanted = gamma_for(p, c, force_N, size);
     if (wanted < p->gamma) p->sigma *= 1.0f - CUT * (p->gamma - wanted);
     p->gamma = palp_min(wanted, p->gamma + c->dt_s / RISE_S);
