@@ -80,6 +80,8 @@ void sim_device_move(sim_device *d, double dt_s, const double target_m[3], doubl
             d->v_m_s[k] = (d->v_m_s[k] + h * push / mass) / (1 + h * drag / mass);
         }
         if (planar) d->v_m_s[1] = 0;
+        const double own = drag - hand_Ns_per_m; /* of the mechanism */
+        for (int k = 0; k < 3; k++) d->given_J += h * d->v_m_s[k] * (motor[k] - own * d->v_m_s[k]);
         double next[3];
         float q[PALP_AXES] = {0};
         for (int k = 0; k < 3; k++) next[k] = d->x_m[k] + h * d->v_m_s[k];

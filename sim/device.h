@@ -37,6 +37,7 @@ typedef struct {
     uint32_t axes;
     double time_s, last_s;
     bool stuck;          /* the encoders stand still */
+    double given_J;      /* by the motors to the hand: less weight, damping and friction */
     double offset_turns; /* added to the first one's reading */
 } sim_device;
 

@@ -187,9 +187,10 @@ char *model_labels(const uint32_t *cell, uint32_t triangles, const char *const *
     return path;
 }
 
-baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
-                        double table_bytes) {
-    baked b = {.m = m, .material = {.young_Pa = 1e4, .poisson = 0.4, .tolerance = BEM_TOLERANCE}};
+static baked bake_of(mesh m, double below, double epsilon, bool raw, bool half, double table_bytes,
+                     double young_Pa) {
+    baked b = {.m = m,
+               .material = {.young_Pa = young_Pa, .poisson = 0.4, .tolerance = BEM_TOLERANCE}};
     mesh_require_closed(&b.m, "model");
     b.fixed = allocate(m.vertices, 1);
     b.area = allocate(m.vertices, sizeof *b.area);
@@ -205,7 +206,7 @@ baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool hal
     options.table_bytes = table_bytes;
     b.g = greens_from_bem(&b.m, b.fixed, &b.material, 1000);
     greens_reciprocity(&b.g, &b.m, !raw);
-    palp_meta meta = {.young_Pa = 1e4f, .poisson = 0.4f, .density_kg_m3 = 1000};
+    palp_meta meta = {.young_Pa = (float)young_Pa, .poisson = 0.4f, .density_kg_m3 = 1000};
     built made = blob_build(&b.m, &b.g, &b.d, b.area, b.normal, meta, &options);
     b.bytes = made.bytes;
     b.size = made.size;
@@ -213,6 +214,15 @@ baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool hal
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
     return b;
+}
+
+baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
+                        double table_bytes) {
+    return bake_of(m, below, epsilon, raw, half, table_bytes, 1e4);
+}
+
+baked model_bake_young(mesh m, double below, double young_Pa) {
+    return bake_of(m, below, 0.05, false, false, 0, young_Pa);
 }
 
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {

@@ -52,6 +52,8 @@ typedef struct {
 /* Fixes the vertices with z at most `below` and bakes in memory. */
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
 /* The same with dense tables of the coarse constraint levels up to that many bytes. */
+/* The same for display and feeling, of another material. */
+baked model_bake_young(mesh m, double below, double young_Pa);
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes);
 
