@@ -12,7 +12,7 @@
 #include <string.h>
 #include <time.h>
 
-#define ROUNDS 5
+#define ROUNDS 8
 #define STEPS 64
 #define COLD_BYTES (64u << 20) /* beyond the last cache of what haptics runs on */
 
@@ -27,11 +27,15 @@ static int compare(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
-/* Interrupted samples are not the machine's speed: the upper quartile leaves them out, also beside
- * other work. */
-static double typical(double *sample, size_t count) {
+/* Of the same work done over and over, in rounds of `count` samples, the least is the machine's own
+ * speed: nothing came between. Of different work the upper quartile is taken. */
+static double typical(double *sample, size_t count, size_t rounds) {
+    if (count == 0) return 0;
+    for (size_t i = 0; i < count; i++) {
+        for (size_t r = 1; r < rounds; r++) sample[i] = fmin(sample[i], sample[r * count + i]);
+    }
     qsort(sample, count, sizeof *sample, compare);
-    return count > 0 ? sample[(size_t)(0.75 * (double)(count - 1))] : 0;
+    return sample[(size_t)(0.75 * (double)(count - 1))];
 }
 
 /* The steps of a tick of contact. */
@@ -108,7 +112,12 @@ static double slowest(bench *b, int rounds) {
         for (int step = 0; step < STEPS; step++)
             tick(b, palp_madd(b->x, b->size * (1.0f - 0.01f * (float)step), b->n));
     }
-    for (int p = 0; p < PARTS; p++) most = fmax(most, typical(b->sample[p], b->samples[p]));
+    for (int p = 0; p < PARTS; p++) {
+        const size_t each = b->samples[p] / (size_t)rounds;
+        const bool same = each * (size_t)rounds == b->samples[p]; /* the work of every round */
+        most = fmax(most,
+                    typical(b->sample[p], same ? each : b->samples[p], same ? (size_t)rounds : 1));
+    }
     return most;
 }
 
@@ -129,7 +138,7 @@ void calibrate(machine *m, const palp_blob *blob, const palp_tool *tool, uint32_
     if (cold) {
         b.other = allocate(COLD_BYTES, 1);
         b.ns_per_instruction = warm;
-        m->ns_per_byte = (float)(CALIBRATE_SAFETY * slowest(&b, 1));
+        m->ns_per_byte = (float)(CALIBRATE_SAFETY * slowest(&b, 2));
     }
     snprintf(m->basis, sizeof m->basis, "measured here, times %g", CALIBRATE_SAFETY);
     for (int p = 0; p < PARTS; p++) free(b.sample[p]);

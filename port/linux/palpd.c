@@ -44,6 +44,8 @@ static const char help[] =
     "  --view FILE.svg     the body at the largest force\n"
     "  --dds               publish pose, joints and force over DDS, 100 times a second\n"
     "\n"
+    "  --target NAME|FILE  the machine's speed by a table of palp calibrate, instead of measuring\n"
+    "                      it at the start: the same levels each time\n"
     "  --cpu N             run on this processor\n"
     "  --priority P        SCHED_FIFO priority\n"
     "  --strict-rt         refuse to run without real-time guarantees\n"
@@ -69,7 +71,7 @@ static const option options[] = {
     {"--touch", 1},  {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},     {"--priority", 1},
     {"--log", 1},    {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},    {"--dds", 0},
     {"--resume", 0}, {"--hold", 0},     {"--fault", 1},     {"--seed", 1},    {"--lockstep", 0},
-    {NULL, 0}};
+    {"--target", 1}, {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
@@ -79,7 +81,7 @@ static const option options[] = {
 #define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
 
 typedef struct {
-    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault;
+    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault, *target;
     double rate_hz, seconds, friction, sliding;
     uint32_t touch, seed;
     realtime_spec realtime;
@@ -120,9 +122,9 @@ static void set_option(void *context, const argument *a) {
     const struct {
         const char *name;
         const char **value;
-    } text[] = {{"--bus", &s->bus},    {"--device", &s->device}, {"--hand", &s->hand},
-                {"--log", &s->log},    {"--report", &s->report}, {"--view", &s->view},
-                {"--fault", &s->fault}};
+    } text[] = {{"--bus", &s->bus},     {"--device", &s->device}, {"--hand", &s->hand},
+                {"--log", &s->log},     {"--report", &s->report}, {"--view", &s->view},
+                {"--fault", &s->fault}, {"--target", &s->target}};
     const struct {
         const char *name;
         bool *value;
@@ -377,6 +379,30 @@ static int conclude(const daemon_spec *s, const follower *f) {
     return EXIT_WORK;
 }
 
+typedef struct {
+    machine *speed;
+    const palp_blob *blob;
+    const palp_tool *tool;
+    uint32_t node;
+} calibration;
+
+static void *run_calibration(void *context) {
+    const calibration *c = context;
+    calibrate(c->speed, c->blob, c->tool, c->node, false);
+    return NULL;
+}
+
+/* How fast the loop will run: as stated, or measured on its processor and with its priority. */
+static void find_speed(machine *speed, const daemon_spec *s, const palp_blob *blob,
+                       const palp_tool *tool, uint32_t node) {
+    if (s->target != NULL) {
+        machine_find(speed, s->target);
+        return;
+    }
+    calibration c = {speed, blob, tool, node};
+    pthread_join(realtime_start(&s->realtime, run_calibration, &c), NULL);
+}
+
 int main(int argc, char **argv) {
     daemon_spec s = {.hand = "touch",
                      .rate_hz = 1000,
@@ -414,7 +440,7 @@ int main(int argc, char **argv) {
     config.tool.sliding = (float)s.sliding;
     machine speed;
     if (!s.lockstep) {
-        calibrate(&speed, &blob, &config.tool, touch.node, false);
+        find_speed(&speed, &s, &blob, &config.tool, touch.node);
         config.cost = machine_table(&speed, TICK_SHARE);
     }
     loop->servo = open_servo(&blob, &config);

@@ -3,7 +3,8 @@
  * Energy given to the hand, by the books of the simulated mechanism, without its Coulomb friction:
  * random closed paths through the body, at 60 Hz to 4 kHz, on every device and protocol, with
  * bodies from 1 Pa to 200 GPa and ticks that are preempted at random. From one touch to the end of
- * it at most 1e-5 of what was stored (0.05 mJ where ticks were preempted), or DAMPING within 1 mJ. Each failure is told with its seed.
+ * it at most 1e-5 of what was stored (0.05 mJ where ticks were preempted), or DAMPING within 1 mJ.
+ * Each failure is told with its seed.
  */
 #include "sim/report.h"
 #include "sim/rig.h"
@@ -19,8 +20,9 @@
 static const double young_Pa[BODIES] = {1, 1e3, 3e4, 1e6, 1e9, 2e11};
 static baked body[BODIES];
 
-static const char *const devices[] = {"arm3",     "arm3-cia402", "arm3-moteus",  "arm3-mit",
-                                      "arm3-palp", "arm3-palp-fd", "delta3", "pantograph", "desk3"};
+static const char *const devices[] = {"arm3",     "arm3-cia402", "arm3-moteus",
+                                      "arm3-mit", "arm3-palp",   "arm3-palp-fd",
+                                      "delta3",   "pantograph",  "desk3"};
 #define DEVICES (sizeof devices / sizeof devices[0])
 static device_file file[DEVICES];
 static const float rates_hz[] = {60, 250, 500, 1000, 2000, 4000};
@@ -43,16 +45,18 @@ static hand random_path(uint64_t *seed, double begin, int keys, double radius) {
     h.key[1] = (hand_key){t, {0, 0, 0.4 * radius}};
     for (int i = 0; i < keys; i++) {
         t += 0.15 + 0.25 * tap_random(seed) * tap_random(seed);
-        h.key[2 + i] = (hand_key){t,
-                                  {0.25 * radius * tap_random(seed), 0.25 * radius * tap_random(seed),
-                                   radius * (0.15 * tap_random(seed) - 0.05)}};
+        h.key[2 + i] =
+            (hand_key){t,
+                       {0.25 * radius * tap_random(seed), 0.25 * radius * tap_random(seed),
+                        radius * (0.15 * tap_random(seed) - 0.05)}};
     }
     h.key[keys + 2] = (hand_key){t + 0.3, {0, 0, 0.4 * radius}};
     h.key[keys + 3] = (hand_key){t + 0.6, {0, 0, 0.4 * radius}};
     return h;
 }
 
-/* What a wire that cannot say 0 gives while joints turn: MIT mode rounds to half a step of torque. */
+/* What a wire that cannot say 0 gives while joints turn: MIT mode rounds to half a step of torque.
+ */
 static double rounded_J(const rig *r, const float from_rad[PALP_AXES]) {
     const palp_device *d = &r->file.device;
     double sum = 0;
@@ -82,8 +86,7 @@ static bool run(outcome *o, const palp_blob *blob, const device_file *device, fl
     config.cost.ns_per_instruction = 0.01f;
     const size_t bytes = palp_servo_memsize(blob, config.finest);
     void *memory = allocate_aligned(bytes, 1);
-    const bool opens =
-        palp_servo_open(&r.servo, blob, &config, memory, bytes, NULL) == PALP_OK;
+    const bool opens = palp_servo_open(&r.servo, blob, &config, memory, bytes, NULL) == PALP_OK;
     free(memory);
     if (!opens) return false;
     char faults[64];
@@ -150,7 +153,8 @@ static void run_sweep(void *context, size_t i) {
             /* a touch that ends while ticks are missing may have been given what the last force did
              * meanwhile */
             const double missed_J = s->preempted ? MISSED_J : 0;
-            const bool bad = o.given_J > 1e-3 || (!o.damped && share > 1e-5 && o.given_J > missed_J);
+            const bool bad =
+                o.given_J > 1e-3 || (!o.damped && share > 1e-5 && o.given_J > missed_J);
             s->failed += bad;
             if (!bad || (s->failed > 1 && share <= s->worst)) continue;
             s->worst = share;
@@ -181,7 +185,8 @@ int main(void) {
         const sweep *s = &sweeps[i];
         ticks += s->ticks + s->skipped;
         CHECK(s->failed == 0 && s->runs > 8,
-              "%g Hz%s: %d of %d paths (%llu touches) gave energy, %d ended in DAMPING; most %.3g mJ%s",
+              "%g Hz%s: %d of %d paths (%llu touches) gave energy, %d ended in DAMPING; most %.3g "
+              "mJ%s",
               (double)s->rate_hz, s->preempted ? ", preempted" : "", s->failed, s->runs,
               (unsigned long long)s->touches, s->damped, 1e3 * s->most_J, s->where);
     }
