@@ -58,14 +58,6 @@ static float mean_compliance(const palp_friction *f) {
     return 0.5f * (f->near_m_per_N.xx + f->near_m_per_N.yy);
 }
 
-/* Turned with the contact's plane, at the same length. */
-static palp_vec3 turned(palp_vec3 v, palp_vec3 normal) {
-    const float before = palp_norm(v);
-    const palp_vec3 in = palp_madd(v, -palp_dot(v, normal), normal);
-    const float now = palp_norm(in);
-    return now > 0.0f ? palp_scale(before / now, in) : (palp_vec3){0};
-}
-
 /* ---- depths ---- */
 
 /* Share of depth j that touches, 0..1. */
@@ -241,7 +233,7 @@ static void slip(palp_friction *f, const spring_set *s, const float by[2], float
         force[0] += w * out[0];
         force[1] += w * out[1];
         twice_J += w * (out[0] * kept[0] + out[1] * kept[1]);
-        *p->at = in_plane(f, kept);
+        *p->at = palp_scale(factor, palp_add(*p->at, in_plane(f, by)));
         if (factor < 1.0f) continue;
         sticking += w;
         f->slipping = false;
@@ -271,10 +263,6 @@ void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_
     if (!f->touching) f->tool_m = free_m;
     f->touching = true;
     find_tangents(f);
-    for (uint32_t k = 0; k < 2u * SPRINGS; k++) {
-        palp_vec3 *e = &f->stretch_m[k / SPRINGS][k % SPRINGS];
-        *e = turned(*e, f->axis);
-    }
     measure_compliance(f, contact, tool);
     const float z = (f->rounded ? 1.5f : 1.0f) * f->normal_N * mean_compliance(f);
     press(f, z);
@@ -305,8 +293,7 @@ void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {
 
 void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m) {
     palp_friction *f = friction;
-    const palp_vec3 off = palp_sub(tool_m, f->solved_m);
-    const palp_vec3 more = palp_madd(off, -palp_dot(off, f->axis), f->axis);
+    const palp_vec3 more = palp_sub(tool_m, f->solved_m);
     f->tool_m = tool_m;
     if (!f->touching) return;
     for (uint32_t j = 0; j < (f->rounded ? SPRINGS : 1u); j++) {

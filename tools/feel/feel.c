@@ -16,8 +16,9 @@ static const char help[] =
     "\n"
     "Measures what a hand would feel of an elastostatic body, in virtual time, the same on every\n"
     "machine: contact against Hertz' law, ripple while sliding, coarser levels, stalls of the\n"
-    "machine and late starts, slow controllers, teleports, closed paths. One line for each "
-    "measure,\n"
+    "machine and late starts, slow controllers, teleports, closed paths; and with a device, "
+    "frames\n"
+    "lost, energy given, a tap, a force held by friction. One line for each measure,\n"
     "with the threshold of perception and the goal beside it.\n"
     "\n"
     "  -o DIR        also write feel.json and feel.html there\n"
@@ -94,6 +95,7 @@ int command_feel(int argc, char **argv) {
     if (b.finer != NULL) feel_finer_mesh(&b);
     feel_closed_paths(&b);
     feel_disturbances(&b);
+    feel_device(&b);
     if (spec.folder != NULL) {
         write_file(spec.folder, "feel.json", &b.table, feel_json);
         write_file(spec.folder, "feel.html", &b.table, feel_html);
