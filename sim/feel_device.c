@@ -24,8 +24,7 @@ static bool open_device(rig *r, const bench *b, float friction, const char *faul
     const size_t bytes = palp_servo_memsize(b->blob, config.finest);
     void *memory = allocate_aligned(bytes, 1);
     palp_servo *servo;
-    const bool opens =
-        palp_servo_open(&servo, b->blob, &config, memory, bytes, NULL) == PALP_OK;
+    const bool opens = palp_servo_open(&servo, b->blob, &config, memory, bytes, NULL) == PALP_OK;
     free(memory);
     if (opens) rig_open(r, b->blob, &config, "touch", faults, 7);
     return opens;
@@ -48,7 +47,7 @@ static double step_pressing(const bench *b, double speed_m_s, int lost) {
     char list[64];
     rig r;
     const double depth = 0.012, at = 1 + (0.001 + 0.6 * depth) / speed_m_s;
-    snprintf(list, sizeof list, "loss@%g+%g", at, 0.001 * lost - 0.0018);
+    snprintf(list, sizeof list, "loss@%g+%g", at, 0.001 * lost - 0.0003);
     if (!open_device(&r, b, 0, lost > 0 ? list : NULL)) return 0;
     const hand_key keys[] = {{0, {0, 0, 0.01}},
                              {0.9, {0, 0, 0.001}},
@@ -133,7 +132,8 @@ static void tap(bench *b) {
     const palp_servo_config config = rig_config(&r, b->blob);
     const double spring = (double)palp_min(palp_device_coupling(&config.device),
                                            palp_device_stiffest(&config.device));
-    const hand_key keys[] = {{0, {0, 0, 0.03}}, {1, {0, 0, 0.03}}, {101, {0, 0, 0.03 - 100 * speed}}};
+    const hand_key keys[] = {
+        {0, {0, 0, 0.03}}, {1, {0, 0, 0.03}}, {101, {0, 0, 0.03 - 100 * speed}}};
     lead(&r, keys, 3, 2e4, 60);
     double touched = -1, most = 0, last = 0;
     while (touched < 0 || r.bus.time_s < touched + 0.005) {

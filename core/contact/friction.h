@@ -7,9 +7,9 @@
  * the surface and carries up to mu w_j (z - z_j) before it slips, so the rim slips first. Spring j
  * is stretched by e_j, from the material that it holds on to, which the whole body lets go by B P:
  *
- *     P = sum_j w_j clip(M e_j, mu (z - z_j))         clip shortens to that length; T = -P on the
- * tool x = rest - P / k                                 where the tool on its spring comes to rest
- *     de_j = dx - B dP                                 with the motion of the tool
+ *     P = sum_j w_j clip(M e_j, mu (z - z_j))    on the body, T = -P; clip shortens to that length
+ *     x = rest - P / k                            where the tool on its spring comes to rest
+ *     de_j = dx - B dP                            with the motion of the tool
  *
  * e_j is a vector of space of which the part in the contact's plane counts, so that a tool that
  * comes back finds the force that it left, also where the plane has turned meanwhile.
