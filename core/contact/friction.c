@@ -193,16 +193,16 @@ static void pull(const spring_set *s, const float by[2], float force[2], float s
     slope[1][1] = d[0][1] * s->m.xy + d[1][1] * s->m.yy;
 }
 
-/* How far the springs are stretched more, by = free - soft P, by semismooth Newton steps. */
-static void find_stretch(const spring_set *s, const float free[2], palp_symmetric2 soft,
+/* How far the springs are stretched more, by = unheld - soft P, by semismooth Newton steps. */
+static void find_stretch(const spring_set *s, const float unheld[2], palp_symmetric2 soft,
                          float most_N, float by[2]) {
     const float small = SETTLED * (soft.xx + soft.yy) * most_N;
     by[0] = by[1] = 0.0f;
     for (uint32_t step = 0; step < PALP_FRICTION_STEPS; step++) {
         float force[2], slope[2][2];
         pull(s, by, force, slope);
-        const float r[2] = {by[0] - free[0] + soft.xx * force[0] + soft.xy * force[1],
-                            by[1] - free[1] + soft.xy * force[0] + soft.yy * force[1]};
+        const float r[2] = {by[0] - unheld[0] + soft.xx * force[0] + soft.xy * force[1],
+                            by[1] - unheld[1] + soft.xy * force[0] + soft.yy * force[1]};
         if (step > 0u && palp_abs(r[0]) + palp_abs(r[1]) <= small) return;
         const float a = 1.0f + soft.xx * slope[0][0] + soft.xy * slope[1][0];
         const float b = soft.xx * slope[0][1] + soft.xy * slope[1][1];
@@ -272,12 +272,13 @@ void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_
     const palp_vec3 off = palp_sub(free_m, f->tool_m);
     const float before[2] = {-palp_dot(f->force_N, f->tangent[0]),
                              -palp_dot(f->force_N, f->tangent[1])};
-    const float free[2] = {palp_dot(off, f->tangent[0]) + far.xx * before[0] + far.xy * before[1],
-                           palp_dot(off, f->tangent[1]) + far.xy * before[0] + far.yy * before[1]};
+    const float unheld[2] = {palp_dot(off, f->tangent[0]) + far.xx * before[0] + far.xy * before[1],
+                             palp_dot(off, f->tangent[1]) + far.xy * before[0] +
+                                 far.yy * before[1]};
     spring_set springs;
     float by[2], force[2];
     find_springs(f, mu, &springs);
-    find_stretch(&springs, free, (palp_symmetric2){far.xx + soft, far.xy, far.yy + soft},
+    find_stretch(&springs, unheld, (palp_symmetric2){far.xx + soft, far.xy, far.yy + soft},
                  mu * f->normal_N, by);
     slip(f, &springs, by, force);
     contact->work_done += 40u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)springs.count;
