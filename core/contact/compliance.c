@@ -230,10 +230,9 @@ static palp_vec3 near_displacement(palp_contact *c, uint32_t side, palp_vec3 f) 
     return u;
 }
 
-/* And the rest of it, by the displaced corners. */
-static palp_vec3 far_displacement(const palp_contact *c, uint32_t side) {
+/* The rest of it, by the displaced corners, added to u. */
+static palp_vec3 with_far(const palp_contact *c, uint32_t side, palp_vec3 u) {
     const palp_surface_point *at = palp_contact_side(c, side);
-    palp_vec3 u = {0};
     for (uint32_t k = 0; k < 3u; k++)
         u = palp_madd(u, at->weight[k], c->node_u_m[c->corner[side][k]]);
     return u;
@@ -242,7 +241,7 @@ static palp_vec3 far_displacement(const palp_contact *c, uint32_t side) {
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side) {
     const palp_vec3 f =
         palp_scale(force_of(contact, side), palp_contact_column(contact, COL_M, side));
-    return palp_add(near_displacement(contact, side, f), far_displacement(contact, side));
+    return with_far(contact, side, near_displacement(contact, side, f));
 }
 
 /* The force lambda / normal_N of a tool along a tangent, at one of the pressed sides. */
@@ -286,7 +285,7 @@ void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_ve
             const uint32_t i = c->active[a];
             const palp_vec3 by =
                 near_displacement(c, i, tangential_at(c, i, tool, tangent[k], normal_N));
-            const palp_vec3 rest = far_displacement(c, i);
+            const palp_vec3 rest = with_far(c, i, (palp_vec3){0});
             for (uint32_t e = 0; e < 2u; e++) {
                 const palp_vec3 f = tangential_at(c, i, tool, tangent[e], normal_N);
                 sum[0][k][e] += palp_dot(by, f);
