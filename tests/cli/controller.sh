@@ -15,6 +15,14 @@ done
 
 # ---- replay ----
 loop --device arm3 --lockstep --log step.log >/dev/null 2>&1; $palp replay step.log body.palp >/dev/null 2>&1; ok $? "a log in lockstep repeats as well"
+loop --device arm3 --lockstep --friction 0.5,0.3 --log rub.log >out.txt 2>&1; grep -q '^energy *given to the hand: 0 J' out.txt; ok $? "the summary says in words what the hand was given"
+$palp replay rub.log body.palp >/dev/null; ok $? "a log with two coefficients of friction repeats"
+refuses 2 "at most the static" "friction that grows when it slides" loop --device arm3 --friction 0.3,0.4
+refuses 2 "comma between" "friction that is no number" loop --device arm3 --friction 0.3,
+$palp calibrate -o board.cost >/dev/null 2>&1
+for i in 1 2 3; do loop --device arm3 --target board.cost --seconds 0.1 2>/dev/null | sed -n 's/.*, \(.* per instruction\)/\1/p'; done | uniq >speeds.txt
+[ "$(wc -l <speeds.txt)" -eq 1 ]; ok $? "--target: the same speed each time, $(cat speeds.txt)"
+refuses 2 "neither a file nor a target" "--target: no such" loop --device arm3 --target nobody
 $palp replay arm3.log body.palp -o replay.csv >/dev/null && [ "$(wc -l <replay.csv)" -eq 3001 ]; ok $? "replay writes a line per tick"
 $palp report arm3.log -o page.html && grep -q '<svg' page.html; ok $? "report draws a log"
 refuses 1 "not the blob" "replay: another blob" $palp replay arm3.log other.palp
