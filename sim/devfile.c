@@ -13,41 +13,15 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--like", 1},
-    {"--kinematics", 1},
-    {"--upper", 1},
-    {"--fore", 1},
-    {"--base", 1},
-    {"--gear", -3},
-    {"--counts", 1},
-    {"--protocol", 1},
-    {"--fd", 1},
-    {"--node", -3},
-    {"--bitrate", 1},
-    {"--data-bitrate", 1},
-    {"--rated-torque", 1},
-    {"--mit-range", 3},
-    {"--master-id", 1},
-    {"--watchdog", 1},
-    {"--torque-lag", 1},
-    {"--joint-min", -3},
-    {"--joint-max", -3},
-    {"--torque-max", 1},
-    {"--force-max", 1},
-    {"--slew-max", 1},
-    {"--speed-max", 1},
-    {"--workspace", 1},
-    {"--tool", 1},
-    {"--stiffness-max", 1},
-    {"--damping-max", 1},
-    {"--mass", 1},
-    {"--damping", 1},
-    {"--friction", 1},
-    {"--weight", 1},
-    {"--lift", 3},
-    {"--coulomb", -3},
-    {"--viscous", -3},
-    {NULL, 0},
+    {"--like", 1},         {"--kinematics", 1},  {"--upper", 1},         {"--fore", 1},
+    {"--base", 1},         {"--gear", -3},       {"--counts", 1},        {"--protocol", 1},
+    {"--fd", 1},           {"--node", -3},       {"--bitrate", 1},       {"--data-bitrate", 1},
+    {"--rated-torque", 1}, {"--mit-range", 3},   {"--master-id", 1},     {"--watchdog", 1},
+    {"--torque-lag", 1},   {"--joint-zero", -3}, {"--joint-min", -3},    {"--joint-max", -3},
+    {"--torque-max", 1},   {"--force-max", 1},   {"--slew-max", 1},      {"--speed-max", 1},
+    {"--workspace", 1},    {"--tool", 1},        {"--stiffness-max", 1}, {"--damping-max", 1},
+    {"--mass", 1},         {"--damping", 1},     {"--friction", 1},      {"--weight", 1},
+    {"--lift", 3},         {"--coulomb", -3},    {"--viscous", -3},      {NULL, 0},
 };
 #define MAX_LIKES 8
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
@@ -109,6 +83,7 @@ static bool set_axes(palp_device *p, const argument *a) {
         const char *key;
         float *value, unit;
     } axes[] = {{"--gear", p->gear, 1},
+                {"--joint-zero", p->joint_zero_rad, degree},
                 {"--joint-min", p->joint_min_rad, degree},
                 {"--joint-max", p->joint_max_rad, degree},
                 {"--coulomb", p->compensation.coulomb_Nm, 1},
@@ -202,6 +177,9 @@ static void check(const reading *r, const char *name) {
                 keys[i].name + 2, axes, r->count[i]);
     }
     for (uint32_t i = 0; i < palp_axes(&p->kinematics); i++) {
+        if (!(fabsf(p->joint_zero_rad[i]) <= 6.2832f))
+            die(EXIT_USAGE, "%s: joint-zero of axis %u is %g degrees: need -360 to 360", name,
+                i + 1, (double)(p->joint_zero_rad[i] * 57.29578f));
         if (!(p->joint_min_rad[i] < p->joint_max_rad[i]))
             die(EXIT_USAGE, "%s: joint-min of axis %u is not below joint-max", name, i);
         if (!(p->gear[i] > 0.0f || p->gear[i] < 0.0f))

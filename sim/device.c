@@ -13,7 +13,8 @@ static bool joints_at(const sim_device *d, const double x_m[3], float q_rad[PALP
 }
 
 static double motor_turns(const sim_device *d, uint32_t i) {
-    return (double)d->q_rad[i] * (double)d->file->device.gear[i] / RAD_PER_REV;
+    const palp_device *p = &d->file->device;
+    return ((double)d->q_rad[i] - (double)p->joint_zero_rad[i]) * (double)p->gear[i] / RAD_PER_REV;
 }
 
 void sim_device_init(sim_device *d, const device_file *file, const double x_m[3]) {

@@ -19,8 +19,9 @@ typedef struct {
 typedef struct {
     palp_kinematics kinematics;
     palp_drive_config drives;
-    uint8_t node_id[PALP_AXES]; /* drive of each joint */
-    float gear[PALP_AXES];      /* motor revolutions per joint revolution, sign = direction */
+    uint8_t node_id[PALP_AXES];      /* drive of each joint */
+    float gear[PALP_AXES];           /* motor revolutions per joint revolution, sign = direction */
+    float joint_zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
     float joint_min_rad[PALP_AXES], joint_max_rad[PALP_AXES];
     float force_max_N, slew_max_N_per_s, speed_max_m_s;
     float workspace_radius_m, tool_radius_m;

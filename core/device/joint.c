@@ -24,7 +24,7 @@ static bool believable(const palp_joint *j, const palp_joint_limits *l, float q,
     float elapsed = dt_s * (float)(j->age + 1u);
     float went = palp_abs(q - j->q_rad);
     if (went > l->speed_max_rad_s * elapsed + 2.0f * l->step_rad) return false;
-    bool zero = !(palp_abs(q) > 0.0f);
+    bool zero = !(palp_abs(q - l->zero_rad) > 0.0f);
     float near = 2.0f * palp_abs(j->dq_rad_s) * elapsed + ZERO_REACH * l->step_rad;
     return !zero || went <= near;
 }

@@ -34,6 +34,7 @@ typedef struct {
     float min_rad, max_rad;
     float speed_max_rad_s; /* beyond it a reading is not believed */
     float step_rad;        /* one encoder count */
+    float zero_rad; /* where a drive reads 0, which drives also send when they know nothing */
 } palp_joint_limits;
 
 typedef struct {

@@ -22,7 +22,8 @@ void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
             (palp_joint_limits){.min_rad = device->joint_min_rad[i],
                                 .max_rad = device->joint_max_rad[i],
                                 .speed_max_rad_s = palp_device_joint_speed(device),
-                                .step_rad = reading_step(device) / palp_abs(device->gear[i])};
+                                .step_rad = reading_step(device) / palp_abs(device->gear[i]),
+                                .zero_rad = device->joint_zero_rad[i]};
     }
     float reach = device->kinematics.upper_m + device->kinematics.fore_m;
     axes->fine = reach * axes->limits[0].step_rad < TREMOR_M;
@@ -40,7 +41,8 @@ void palp_axes_forget(palp_device_axes *axes) {
 static void take_estimate(palp_device_axes *axes, const palp_device *device, uint32_t i,
                           bool strict, palp_counters *counters) {
     palp_joint *j = &axes->joint[i];
-    float q = axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV;
+    float q =
+        axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV + device->joint_zero_rad[i];
     const float last = j->q_rad;
     const bool second = j->known && j->age == 0u;
     const palp_reading reading =

@@ -77,6 +77,12 @@ try "node ids must differ" "node 1 1 2" "two drives with one id"
 try "needs 3 values" "gear 10 10" "a gear ratio missing"
 try "do not meet" "kinematics delta
 base 0.1" "links that do not meet"
+try "joint-zero of axis 2 is 400" "joint-zero 0 400 0" "a zero beyond a turn"
+dev "joint-zero -70 40 15"; cp out.dev turned.dev
+loop --device arm3 --lockstep --log plain.log >/dev/null 2>&1; loop --device turned.dev --lockstep --log turned.log >out.txt 2>&1
+$palp replay plain.log body.palp -o plain.csv >/dev/null; $palp replay turned.log body.palp -o turned.csv >/dev/null
+paste -d, plain.csv turned.csv | awk -F, 'NR>1 {d=$11-$24; d=d<0?-d:d; if (d>m) m=d; if ($11>f) f=$11} END {exit !(f>0.1 && m<0.02*f)}'
+ok $? "drives that read 0 elsewhere (joint-zero): the same force"
 try "joint-min of axis 1" "joint-min -80 120 -60" "crossed limits"
 printf 'force-max 3\nlike arm3\n' >bad.dev
 refuses 2 "must be the first key" "device: like after another key" loop --device bad.dev

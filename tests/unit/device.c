@@ -275,7 +275,7 @@ static void test_atan2(void) {
  */
 static void test_velocity(void) {
     const double step = 2 * M_PI / 40000, dt = 0.001;
-    const palp_joint_limits limits = {-10, 10, 100, (float)step};
+    const palp_joint_limits limits = {-10, 10, 100, (float)step, 0};
     double square[2] = {0, 0}, still = 0;
     palp_joint j = {.age = 0};
     double last = 0;
@@ -303,7 +303,7 @@ static void test_velocity(void) {
 }
 
 static void test_joint(void) {
-    const palp_joint_limits limits = {-1, 1, 20, 1e-4f};
+    const palp_joint_limits limits = {-1, 1, 20, 1e-4f, 0};
     palp_joint j = {.age = 0};
     const float good[] = {0.5f, 0.501f}, bad[] = {NAN, INFINITY, 1.2f, 0.7f, 0.0f};
     bool refused = true;
@@ -331,7 +331,7 @@ typedef enum { LOST, AGAIN, SWAPPED } disturbance;
 
 static double largest_step(disturbance what, int ticks, double rad_s, double *velocity) {
     const double step = 1e-5, dt = 0.001;
-    const palp_joint_limits limits = {-10, 10, 100, (float)step};
+    const palp_joint_limits limits = {-10, 10, 100, (float)step, 0};
     palp_joint j = {.age = 0};
     double most = 0, before = 0, wrong = 0;
     for (int i = 0; i < 120; i++) {
@@ -375,7 +375,7 @@ static void test_missed(void) {
               most[k], names[k], worst, velocity);
     }
     /* A joint that is stopped short is believed in the end. */
-    const palp_joint_limits limits = {-10, 10, 100, 1e-5f};
+    const palp_joint_limits limits = {-10, 10, 100, 1e-5f, 0};
     palp_joint j = {.age = 0};
     for (int i = 0; i < 60; i++) {
         palp_joint_age(&j, 1, 0.001f);
