@@ -2,7 +2,7 @@
 # The unit tests of everything that meets untrusted bytes, under address and undefined behaviour sanitizers.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-tests="base blob wavelet surface zones grasp tets device servo faults"
+tests="base blob wavelet surface friction zones grasp tets device passivity servo faults"
 make -s -j2 BUILD="$BUILD/sanitized" OPTIMISE=-O2 WARN=-w DDS= \
     INSTRUMENT="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined -DTRIALS=1" \
     $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 ||
