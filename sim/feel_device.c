@@ -2,16 +2,18 @@
 /*
  * palp feel, the part with a device: the whole servo on the simulated arm at 1 kHz. Frames that are
  * lost, energy that the hand is given on random paths (by the mechanism's own books, without its
- * Coulomb friction), a tap, and a force held by friction while the load swings.
+ * Coulomb friction), what is left of it at rest, a tap, and a force held by friction while the load
+ * swings.
  */
+#include "sim/feel_device.h"
 #include "sim/rig.h"
-#include "tools/feel/bench.h"
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
 
 #define RATE_HZ 1000.0f
 #define PATHS 8
+#define TREMOR_M 6e-5
 
 /* The arm on the body; false when it cannot be felt at this rate. */
 static bool open_device(rig *r, const bench *b, float friction, const char *faults) {
@@ -21,25 +23,15 @@ static bool open_device(rig *r, const bench *b, float friction, const char *faul
     palp_servo_config config = rig_config(r, b->blob);
     config.cost.ns_per_instruction = 0.01f;
     config.tool.friction = friction;
-    const size_t bytes = palp_servo_memsize(b->blob, config.finest);
-    void *memory = allocate_aligned(bytes, 1);
-    palp_servo *servo;
-    const bool opens = palp_servo_open(&servo, b->blob, &config, memory, bytes, NULL) == PALP_OK;
-    free(memory);
+    const bool opens = rig_opens(b->blob, &config);
     if (opens) rig_open(r, b->blob, &config, "touch", faults, 7);
     return opens;
 }
 
-/* A hand that leads the device, or hardly lets itself be turned away. */
-static void lead(rig *r, const hand_key *keys, uint32_t count, double N_per_m, double Ns_per_m) {
-    hand *h = &r->bus.script;
-    free(h->key);
-    *h = (hand){.count = count,
-                .key = allocate(count, sizeof *keys),
-                .stiffness_N_per_m = N_per_m,
-                .damping_Ns_per_m = Ns_per_m,
-                .even = true};
-    for (uint32_t i = 0; i < count; i++) h->key[i] = keys[i];
+/* Leads the device at even speeds, and hardly lets itself be turned away. */
+static void lead(rig *r, const hand_key *keys, uint32_t count) {
+    rig_lead(r, keys, count, 2e4, 60);
+    r->bus.script.even = true;
 }
 
 /* Largest step of the force while the hand presses evenly. */
@@ -53,7 +45,7 @@ static double step_pressing(const bench *b, double speed_m_s, int lost) {
                              {0.9, {0, 0, 0.001}},
                              {1, {0, 0, 0.001}},
                              {101, {0, 0, 0.001 - 100 * speed_m_s}}};
-    lead(&r, keys, 4, 2e4, 60);
+    lead(&r, keys, 4);
     double most = 0;
     palp_vec3 before = {0};
     while (r.bus.time_s < 1 + (0.001 + depth) / speed_m_s) {
@@ -97,7 +89,7 @@ static double path_given(bench *b, const char *faults, bool *damped) {
     }
     keys[10] = (hand_key){t + 0.3, {0, 0, top}};
     keys[11] = (hand_key){t + 0.6, {0, 0, top}};
-    lead(&r, keys, 12, 2000, 12);
+    rig_lead(&r, keys, 12, 2000, 12);
     rig_run(&r, 1.2);
     const double begun = r.bus.device.given_J;
     double stored = 1e-9;
@@ -134,7 +126,7 @@ static void tap(bench *b) {
                                            palp_device_stiffest(&config.device));
     const hand_key keys[] = {
         {0, {0, 0, 0.03}}, {1, {0, 0, 0.03}}, {101, {0, 0, 0.03 - 100 * speed}}};
-    lead(&r, keys, 3, 2e4, 60);
+    lead(&r, keys, 3);
     double touched = -1, most = 0, last = 0;
     while (touched < 0 || r.bus.time_s < touched + 0.005) {
         rig_tick(&r);
@@ -149,6 +141,38 @@ static void tap(bench *b) {
              most * (double)RATE_HZ / (speed * spring), "1", NAN, NAN);
     feel_add(&b->table, "tap, force after 5 ms", "the same", last / (speed * 0.005 * spring), "1",
              NAN, NAN);
+}
+
+/* Largest line between 20 and 500 Hz of the force while the hand holds still, after two preempted
+ * ticks, by a Fourier sum over a second under Hann's window. */
+static void at_rest(bench *b) {
+    enum { TICKS = 1000 };
+    static double force_N[TICKS];
+    const double turn = 2 * acos(-1.0);
+    rig r;
+    const hand_key keys[] = {{0, {0, 0, 0.01}}, {1, {0, 0, 0.01}}, {1.4, {0, 0, -0.006}}};
+    if (!open_device(&r, b, 0, "overrun@1.5=1,overrun@1.6=1")) return;
+    rig_lead(&r, keys, 3, 400, 6);
+    r.bus.script.tremor_m = TREMOR_M; /* encoders that stand still are taken for broken ones */
+    rig_run(&r, 2.4);
+    double mean = 0, most = 0;
+    for (int i = 0; i < TICKS; i++) {
+        rig_tick(&r);
+        force_N[i] = (double)palp_norm(r.report.force_N);
+        mean += force_N[i] / TICKS;
+    }
+    if (r.report.state != PALP_STATE_RUN || !(mean > 0)) most = INFINITY;
+    rig_stop(&r);
+    for (int hz = 20; hz <= 500; hz++) {
+        double in = 0, across = 0;
+        for (int i = 0; i < TICKS; i++) {
+            const double f = (force_N[i] - mean) * (1 - cos(turn * i / TICKS));
+            in += f * cos(turn * hz * i / TICKS);
+            across += f * sin(turn * hz * i / TICKS);
+        }
+        most = fmax(most, 2 * hypot(in, across) / TICKS);
+    }
+    feel_add(&b->table, "force at rest", "largest line, 20 to 500 Hz", most, "N", NAN, 0.01);
 }
 
 /* The tool pushed aside by `aside_m` while it sticks, then the load swung 100 times: mean force
@@ -168,7 +192,7 @@ static bool swing(const bench *b, double aside_m, double across_N[3], double alo
     keys[n++] = (hand_key){begin + 100 * cycle, {aside_m, 0, deep + by}};
     keys[n++] = (hand_key){begin + 102 * cycle, {aside_m, 0, deep}};
     if (!open_device(&r, b, 1.0f, NULL)) return false;
-    lead(&r, keys, n, 2e4, 60);
+    lead(&r, keys, n);
     for (int k = 0; k < 3; k++) {
         rig_run(&r, from[k] - r.bus.time_s);
         across_N[k] = along_N[k] = 0;
@@ -198,6 +222,7 @@ static void held_by_friction(bench *b) {
 void feel_device(bench *b) {
     lost_frames(b);
     energy(b);
+    at_rest(b);
     tap(b);
     held_by_friction(b);
 }

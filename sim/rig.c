@@ -4,6 +4,7 @@
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static uint64_t virtual_clock(void *context) {
     rig *r = context;
@@ -30,6 +31,25 @@ void rig_open(rig *r, const palp_blob *blob, const palp_servo_config *config, co
     if (palp_servo_open(&r->servo, blob, config, r->memory, bytes, NULL) != PALP_OK)
         die(EXIT_WORK, "the servo does not open");
     sim_bus_init(&r->bus, &r->file, hand_load(script), f);
+}
+
+bool rig_opens(const palp_blob *blob, const palp_servo_config *config) {
+    const size_t bytes = palp_servo_memsize(blob, config->finest);
+    void *memory = allocate_aligned(bytes, 1);
+    palp_servo *servo;
+    const bool opens = palp_servo_open(&servo, blob, config, memory, bytes, NULL) == PALP_OK;
+    free(memory);
+    return opens;
+}
+
+void rig_lead(rig *r, const hand_key *keys, uint32_t count, double N_per_m, double Ns_per_m) {
+    hand *h = &r->bus.script;
+    free(h->key);
+    *h = (hand){.count = count,
+                .key = allocate(count, sizeof *keys),
+                .stiffness_N_per_m = N_per_m,
+                .damping_Ns_per_m = Ns_per_m};
+    memcpy(h->key, keys, count * sizeof *keys);
 }
 
 void rig_start(rig *r, const palp_blob *blob, const char *device, float rate_hz, const char *script,

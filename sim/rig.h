@@ -28,6 +28,10 @@ void rig_start(rig *r, const palp_blob *blob, const char *device, float rate_hz,
 /* The same with a config that the caller has changed; r->file is set. */
 void rig_open(rig *r, const palp_blob *blob, const palp_servo_config *config, const char *script,
               const char *faults, uint64_t seed);
+/* Whether the servo takes this body and config. */
+bool rig_opens(const palp_blob *blob, const palp_servo_config *config);
+/* Lets a hand of this stiffness and damping lead the device along its own keys, without tremor. */
+void rig_lead(rig *r, const hand_key *keys, uint32_t count, double N_per_m, double Ns_per_m);
 void rig_tick(rig *r);
 /* Ticks for `seconds` of virtual time. */
 void rig_run(rig *r, double seconds);

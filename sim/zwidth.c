@@ -108,15 +108,10 @@ static bool stable(const setting *s, double stiffness, bool guarded) {
         config.coupling_N_per_m = (float)stiffness;
         config.unguarded = !guarded;
         rig_open(&r, s->blob, &config, "touch", NULL, 1);
-        free(r.bus.script.key);
         static const hand_key keys[] = {
             {0, {0, 0, 0.004}}, {0.6, {0, 0, 0.001}}, {0.7, {0, 0, -0.006}}};
-        r.bus.script.key = allocate(3, sizeof keys[0]);
-        memcpy(r.bus.script.key, keys, sizeof keys);
-        r.bus.script.count = 3;
+        rig_lead(&r, keys, 3, hands[h][0], hands[h][1]);
         r.bus.script.tremor_m = TREMOR_M;
-        r.bus.script.stiffness_N_per_m = hands[h][0];
-        r.bus.script.damping_Ns_per_m = hands[h][1];
         rig_run(&r, 0.9);
         double early = rms_speed(&r, 0.3);
         rig_run(&r, 2.0);

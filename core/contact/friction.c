@@ -17,7 +17,8 @@ typedef struct {
 typedef struct {
     spring of[2u * SPRINGS];
     uint32_t count;
-    palp_symmetric2 m; /* M */
+    palp_symmetric2 m;  /* M */
+    float unit_N_per_m; /* w of a depth that touches wholly, times how many there are */
 } spring_set;
 
 void palp_friction_reset(palp_friction *friction) { *friction = (palp_friction){0}; }
@@ -137,15 +138,16 @@ static void add_spring(palp_friction *f, float mu, uint32_t part, uint32_t j, fl
     palp_vec3 *at = &f->stretch_m[part][j];
     s->of[s->count++] =
         (spring){.stretch_m = {palp_dot(*at, f->tangent[0]), palp_dot(*at, f->tangent[1])},
-                 .stiffness_N_per_m = share / (f->root * mean_compliance(f)),
+                 .stiffness_N_per_m = share * s->unit_N_per_m,
                  .reach_m = mu * (z - depth),
                  .at = at};
 }
 
 static void find_springs(palp_friction *f, float mu, spring_set *s) {
     const palp_symmetric2 a = f->near_m_per_N;
-    const float over = mean_compliance(f) / (a.xx * a.yy - a.xy * a.xy);
+    const float mean = mean_compliance(f), over = mean / (a.xx * a.yy - a.xy * a.xy);
     s->m = (palp_symmetric2){over * a.yy, -over * a.xy, over * a.xx};
+    s->unit_N_per_m = 1.0f / (f->root * mean);
     s->count = 0;
     for (uint32_t j = 0; j < (f->rounded ? SPRINGS : 1u); j++) {
         add_spring(f, mu, 0, j, 0.0f, f->kept[j], s);

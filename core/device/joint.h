@@ -6,8 +6,8 @@
  * the last one than the joint can go, or a jump to exactly 0 (what some drives send when they do
  * not know). Of two readings in one tick the one counts that is nearer to where the joint was
  * expected, whatever their order. One with the very same bits as the last is an old one sent again
- * when the joint moves by PALP_JOINT_STALE steps in that time; PALP_JOINT_REPEATS of them in a row
- * are believed: it has been stopped.
+ * when the joint moves by PALP_JOINT_STALE steps in that time; after PALP_JOINT_REPEATS_S of them
+ * it is believed: the joint has been stopped.
  *
  * Velocity by first-order adaptive windowing: the slope of the longest line, ending at the newest
  * sample, that passes every sample between within one encoder step (Janabi-Sharifi, Hayward, Chen

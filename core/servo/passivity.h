@@ -20,7 +20,8 @@
  * does can neither pull nor give: |F' . dx| <= |F . dx| for any motion.
  *
  *     gamma   at once, where F goes with the motion foreseen for the time in which it will act:
- * from 1 at D = 0.2 D_max to 0 at 0.7 D_max, D with all that is on its way; rises within 20 ms
+ *             from 1 at D = 0.2 D_max to 0 at 0.7 D_max, D with all that is on its way; rises
+ *             within 20 ms
  *     sigma   for good, until the tool has been free for half a second: falls whenever gamma falls,
  *             and by the leak L, what the motors have done beyond what the same force would have
  *             done continuously, less what dampers swallow:
@@ -28,10 +29,10 @@
  *             L += sum_i (mean(tau_i) - (tau_i + tau_i') / 2) dq_i - (s b |v|^2 + D v) T, L >= 0
  *             beyond 0.1 D_max: sigma /= 1 + dL / (0.1 D_max)
  *
- * with the torques tau and tau' that answer the readings at either end of dq.
- * Gamma bounds the deficit; sigma finds the stiffness that the device renders without oscillation,
- * within a few cycles, and stays there. S is what is stored; what changes it without motion
- * (another contact level) is left out of L. A deficit beyond D_max is for the caller to end.
+ * with the torques tau and tau' that answer the readings at either end of dq, and the coupling's
+ * damper D. Gamma bounds the deficit; sigma finds the stiffness that the device renders without
+ * oscillation, within a few cycles, and stays there. A deficit beyond D_max is for the caller to
+ * end.
  */
 #ifndef PALP_SERVO_PASSIVITY_H
 #define PALP_SERVO_PASSIVITY_H

@@ -10,9 +10,10 @@
  *   RUN           force, growing from zero in PALP_RAMP_S
  *   DAMPING       after sustained loss, repeated lateness, or energy given to the hand: force
  *                 falls to zero in PALP_FADE_S, then only damping; until a reset (or, if so
- * configured, until all is well for PALP_WELL_S, and then RUN begins with its ramp) FAULT latched:
- * zero torque, drives idle; until a reset ESTOP         from any state while the operator's stop is
- * pressed, then until a reset
+ *                 configured and no fault is latched, until all is well for PALP_WELL_S, and then
+ *                 RUN begins with its ramp)
+ *   FAULT         latched: zero torque, drives idle; until a reset
+ *   ESTOP         from any state while the operator's stop is pressed, then until a reset
  *
  * A reset goes back to INIT. This is software: it is no substitute for a hardware stop.
  */

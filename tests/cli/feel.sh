@@ -38,6 +38,12 @@ within "level changed" stall 0
 within "off after 100 ms" late 2
 within "largest step" late 1.5
 within teleport body 2
+for lost in 1 2 3 5; do within "frames lost" "$lost while" 1.5; done
+within "energy given" "random paths" 1e-5
+within "energy given" preempted 1e-5
+within "force at rest" line 0.01
+within "held by friction" first 8.5
+within "held by friction" "1 to 99" 1
 if command -v python3 > /dev/null; then
     python3 -c 'import json; r = json.load(open("one.json")); assert all(set(x) == {"measure", "case", "value", "unit", "threshold", "goal"} for x in r) and len(r) > 40'
     ok $? "the JSON has the keys that it promises"

@@ -33,26 +33,24 @@ typedef struct {
     double given_J, stored_J; /* most in one touch, and stored in it */
     uint64_t touches;
     uint64_t ticks, preempted;
-    bool damped, other;
+    bool damped;
 } outcome;
 
-/* A hand that leads the tool through the body and back out, `keys` times, and then rests. */
-static hand random_path(uint64_t *seed, double begin, int keys, double radius) {
-    hand h = {.count = (uint32_t)keys + 4u, .stiffness_N_per_m = 2000, .damping_Ns_per_m = 12};
-    h.key = allocate(h.count, sizeof *h.key);
+/* Through the body and back out; returns when it ends. */
+#define KEYS 12
+static double random_path(hand_key keys[KEYS], uint64_t *seed, double begin, double radius) {
     double t = begin;
-    h.key[0] = (hand_key){0, {0, 0, 0.4 * radius}};
-    h.key[1] = (hand_key){t, {0, 0, 0.4 * radius}};
-    for (int i = 0; i < keys; i++) {
+    keys[0] = (hand_key){0, {0, 0, 0.4 * radius}};
+    keys[1] = (hand_key){t, {0, 0, 0.4 * radius}};
+    for (int i = 2; i < KEYS - 2; i++) {
         t += 0.15 + 0.25 * tap_random(seed) * tap_random(seed);
-        h.key[2 + i] =
-            (hand_key){t,
-                       {0.25 * radius * tap_random(seed), 0.25 * radius * tap_random(seed),
-                        radius * (0.15 * tap_random(seed) - 0.05)}};
+        keys[i] = (hand_key){t,
+                             {0.25 * radius * tap_random(seed), 0.25 * radius * tap_random(seed),
+                              radius * (0.15 * tap_random(seed) - 0.05)}};
     }
-    h.key[keys + 2] = (hand_key){t + 0.3, {0, 0, 0.4 * radius}};
-    h.key[keys + 3] = (hand_key){t + 0.6, {0, 0, 0.4 * radius}};
-    return h;
+    keys[KEYS - 2] = (hand_key){t + 0.3, {0, 0, 0.4 * radius}};
+    keys[KEYS - 1] = (hand_key){t + 0.6, {0, 0, 0.4 * radius}};
+    return t + 0.6;
 }
 
 /* What a wire that cannot say 0 gives while joints turn: MIT mode rounds to half a step of torque.
@@ -84,11 +82,7 @@ static bool run(outcome *o, const palp_blob *blob, const device_file *device, fl
         r.file.device.bit_rate_bps = r.file.device.data_rate_bps = 2e7f;
     palp_servo_config config = rig_config(&r, blob);
     config.cost.ns_per_instruction = 0.01f;
-    const size_t bytes = palp_servo_memsize(blob, config.finest);
-    void *memory = allocate_aligned(bytes, 1);
-    const bool opens = palp_servo_open(&r.servo, blob, &config, memory, bytes, NULL) == PALP_OK;
-    free(memory);
-    if (!opens) return false;
+    if (!rig_opens(blob, &config)) return false;
     char faults[64];
     const double radius = (double)r.file.device.workspace_radius_m;
     uint64_t dice = seed;
@@ -97,28 +91,29 @@ static bool run(outcome *o, const palp_blob *blob, const device_file *device, fl
              1 + (int)(3 * fabs(tap_random(&dice))), at + 0.7,
              1 + (int)(8 * fabs(tap_random(&dice))));
     rig_open(&r, blob, &config, "touch", preempted ? faults : NULL, seed);
-    free(r.bus.script.key);
-    r.bus.script = random_path(&dice, 1.2, 8, radius);
-    const double end = r.bus.script.key[r.bus.script.count - 1].time_s;
+    hand_key keys[KEYS];
+    const double end = random_path(keys, &dice, 1.2, radius);
+    rig_lead(&r, keys, KEYS, 2000, 12);
     double zero = r.bus.device.given_J, stored = 0;
     float from_rad[PALP_AXES] = {0};
+    const int apart = 2 + (int)(0.004 * (double)rate_hz);
     int without = 0; /* ticks in a row without force */
     while (r.bus.time_s < end) {
         const double before = r.bus.device.given_J;
         rig_tick(&r);
-        without = palp_norm(r.report.force_N) > 0.0f ? 0 : without + 1;
-        if (without == 0 && !(stored > 0)) { /* a touch begins */
+        const bool forced = palp_norm(r.report.force_N) > 0.0f;
+        without = forced ? 0 : without + 1;
+        if (forced && !(stored > 0)) { /* a touch begins */
             zero = before;
             memcpy(from_rad, r.report.joint_rad, sizeof from_rad);
             o->touches++;
         }
-        stored = fmax(stored, without > 0 && !(stored > 0) ? 0 : (double)r.report.stored_J);
-        if (without * 1 / (double)rate_hz > 0.004 && without > 2 && stored > 0) { /* it has ended */
+        if (forced || stored > 0) stored = fmax(stored, (double)r.report.stored_J);
+        if (without > apart && stored > 0) { /* it has ended */
             note_touch(o, before - zero - rounded_J(&r, from_rad), stored);
             stored = 0;
         }
         o->damped = o->damped || r.report.state == PALP_STATE_DAMPING;
-        o->other = o->other || r.report.state > PALP_STATE_DAMPING;
     }
     if (stored > 0) note_touch(o, r.bus.device.given_J - zero - rounded_J(&r, from_rad), stored);
     o->ticks = palp_servo_counters(r.servo)->ticks;

@@ -300,14 +300,8 @@ static double largest_step(const char *device, double speed_m_s, int lost, int w
                              {begin - 0.1, {0, 0, 0.001}},
                              {begin, {0, 0, 0.001}},
                              {begin + 100, {0, 0, 0.001 - 100 * speed_m_s}}};
-    free(r.bus.script.key);
-    r.bus.script.count = 4;
-    r.bus.script.key = allocate(4, sizeof keys[0]);
-    memcpy(r.bus.script.key, keys, sizeof keys);
+    rig_lead(&r, keys, 4, 2e4, 60);
     r.bus.script.even = true;
-    r.bus.script.tremor_m = 0;
-    r.bus.script.stiffness_N_per_m = 2e4;
-    r.bus.script.damping_Ns_per_m = 60;
     double most = 0;
     palp_vec3 before = {0, 0, 0};
     while (r.bus.time_s < begin + (0.001 + depth) / speed_m_s) {

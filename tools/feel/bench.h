@@ -47,7 +47,5 @@ void feel_closed_paths(bench *b);
 /* The answer with its budget, in virtual time: touch and release, stalls, late starts, slow
  * controllers, teleports. */
 void feel_disturbances(bench *b);
-/* The whole servo on a simulated device (sim/feel_device.c). */
-void feel_device(bench *b);
 
 #endif

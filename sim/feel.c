@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* palp feel: what reaches the hand, against exact solutions and under disturbance, in virtual time.
  */
+#include "sim/feel_device.h"
 #include "tools/args.h"
 #include "tools/commands.h"
-#include "tools/feel/bench.h"
 #include "tools/util.h"
 #include <stdlib.h>
 #include <string.h>
