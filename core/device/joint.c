@@ -3,6 +3,8 @@
 #include "core/base/real.h"
 
 #define AGE_LIMIT 0x3fffffffu
+#define FORGET 0x100000u /* periods after which older readings tell no velocity; times the window
+                           within 32 bits */
 #define AT_STOP 4.0f    /* steps beyond a limit that are believed */
 #define ZERO_REACH 4.0f /* steps within which an exact 0 may be true */
 
@@ -14,6 +16,7 @@ void palp_joint_age(palp_joint *joint, uint32_t periods, float dt_s) {
     j->missed = j->age + p - 1u;
     j->age = j->age + p < AGE_LIMIT ? j->age + p : AGE_LIMIT;
     j->ticks += p;
+    if (j->age >= FORGET) j->samples = 0;
 }
 
 static bool believable(const palp_joint *j, const palp_joint_limits *l, float q, float dt_s) {

@@ -356,7 +356,7 @@ static void run(follower *f) {
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    pthread_t thread = realtime_start(&f->spec->realtime, loop_run, f->loop);
+    pthread_t thread = realtime_start(&f->spec->realtime, "palp-loop", loop_run, f->loop);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     follow(f);
     pthread_join(thread, NULL);
@@ -400,7 +400,7 @@ static void find_speed(machine *speed, const daemon_spec *s, const palp_blob *bl
         return;
     }
     calibration c = {speed, blob, tool, node};
-    pthread_join(realtime_start(&s->realtime, run_calibration, &c), NULL);
+    pthread_join(realtime_start(&s->realtime, "palp-measure", run_calibration, &c), NULL);
 }
 
 int main(int argc, char **argv) {

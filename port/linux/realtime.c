@@ -108,6 +108,7 @@ void realtime_prepare(const realtime_spec *spec) {
 }
 
 typedef struct {
+    const char *name;
     void *(*body)(void *);
     void *context;
 } started;
@@ -121,17 +122,18 @@ static __attribute__((noinline)) void touch_stack(void) {
 
 static void *enter(void *context) {
     started *s = context;
-    pthread_setname_np(pthread_self(), "palp-loop");
+    pthread_setname_np(pthread_self(), s->name);
     touch_stack();
     return s->body(s->context);
 }
 
-pthread_t realtime_start(const realtime_spec *spec, void *(*body)(void *), void *context) {
+pthread_t realtime_start(const realtime_spec *spec, const char *name, void *(*body)(void *),
+                         void *context) {
     pthread_t thread;
     pthread_attr_t a;
     int priority = spec->priority > 0 ? spec->priority : spec->strict ? 40 : 0;
     started *s = allocate(1, sizeof *s); /* lives as long as the thread */
-    *s = (started){body, context};
+    *s = (started){name, body, context};
     pthread_attr_init(&a);
     pthread_attr_setstacksize(&a, STACK_BYTES);
     if (spec->cpu >= 0) {

@@ -26,11 +26,13 @@ typedef struct {
 void realtime_prepare(const realtime_spec *spec);
 
 /*
- * Runs `body` in a thread of its own with the scheduling asked for, its stack touched beforehand.
+ * Runs `body` in a thread of its own with the scheduling asked for, its stack touched beforehand;
+ * the thread's `name` (15 characters) is what ps -L shows.
  * Exits 2 when the processor does not exist; without the right to SCHED_FIFO it warns and runs in
  * ordinary scheduling, or exits 1 when strict.
  */
-pthread_t realtime_start(const realtime_spec *spec, void *(*body)(void *), void *context);
+pthread_t realtime_start(const realtime_spec *spec, const char *name, void *(*body)(void *),
+                         void *context);
 
 /* Page faults of the calling thread so far that needed no disk. */
 uint64_t minor_faults(void);

@@ -388,6 +388,21 @@ static void test_missed(void) {
           fabs((double)j.place_rad - 0.05));
 }
 
+/* Silences so long that the count of ticks comes round: no velocity is known after them. */
+static void test_silence(void) {
+    const palp_joint_limits limits = {-10, 10, 100, 1e-5f, 0};
+    palp_joint j = {.age = 0};
+    bool finite = true;
+    for (int i = 0; i < 40; i++) {
+        palp_joint_age(&j, i % 5 == 4 ? 4 : UINT32_MAX, 0.001f);
+        (void)palp_joint_take(&j, &limits, 0.1f, 0.001f);
+        palp_joint_velocity(&j, &limits, 0.001f);
+        palp_joint_place(&j, &limits);
+        finite = finite && isfinite(j.dq_rad_s) && isfinite(j.place_rad);
+    }
+    CHECK(finite, "after silences of 2^30 periods each, velocity and place are finite");
+}
+
 /* Figures computed elsewhere for 1 Mbit/s and 5 or 8 Mbit/s. */
 static void test_load(void) {
     const struct {
@@ -427,6 +442,7 @@ int main(void) {
     test_velocity();
     test_joint();
     test_missed();
+    test_silence();
     test_load();
     return tap_done();
 }
