@@ -244,28 +244,37 @@ palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side) {
     return with_far(contact, side, near_displacement(contact, side, f));
 }
 
-/* The force lambda / normal_N of a tool along a tangent, at one of the pressed sides. */
-static palp_vec3 tangential_at(const palp_contact *c, uint32_t side, uint32_t tool,
-                               palp_vec3 tangent, float normal_N) {
-    const palp_contact_point *p = &c->point[c->side_point[side]];
-    const bool of_tool = c->patch[p->patch].tool == tool;
-    return palp_scale(of_tool ? p->force_N / normal_N : 0.0f,
-                      palp_contact_inward(c, palp_contact_body(c, side), tangent));
+/* How a tool's regions are pressed: region r along `along[r]`, at each point by its lambda /
+ * over_N.
+ */
+typedef struct {
+    uint32_t tool;
+    float over_N;
+    palp_vec3 along[PALP_CONTACT_REGIONS];
+} pressing;
+
+/* The force at one of the pressed sides, in the frame of its body. */
+static palp_vec3 pressed_by(const palp_contact *c, uint32_t side, const pressing *p) {
+    const palp_contact_point *at = &c->point[c->side_point[side]];
+    if (c->patch[at->patch].tool != p->tool) return (palp_vec3){0};
+    return palp_scale(at->force_N / p->over_N,
+                      palp_contact_inward(c, palp_contact_body(c, side), p->along[at->region]));
 }
 
-/* Puts the tangential forces in place of those that were gathered. */
-static void press_along(palp_contact *c, uint32_t tool, palp_vec3 tangent, float normal_N) {
-    const uint32_t modes = c->level.modes;
+/* Puts these forces in place of those that were gathered; with the modes' loads if `far`. */
+static void press(palp_contact *c, const pressing *p, bool far) {
+    const uint32_t modes = far ? c->level.modes : 0u;
     float row[PALP_MAX_MODES];
     for (uint32_t m = 0; m < modes; m++) c->load[m] = 0.0f;
     for (uint32_t b = 0; b < c->bodies; b++) {
         for (uint32_t at = c->pressed_of[b].first; at < c->pressed_of[b].end; at++) {
             const uint32_t s = c->pressed_side[at];
             if (s == NO_SIDE) continue;
-            palp_vec3 f = tangential_at(c, s, tool, tangent, normal_N);
+            const palp_vec3 f = pressed_by(c, s, p);
             c->pressed[IN_F][at] = f.x;
             c->pressed[IN_F + 1][at] = f.y;
             c->pressed[IN_F + 2][at] = f.z;
+            if (!far) continue;
             palp_surface_modes(&c->surface[b], palp_contact_side(c, s), f, modes, row, 1);
             for (uint32_t m = 0; m < modes; m++) c->load[m] += row[m];
             c->work_done += 10u * (uint64_t)modes;
@@ -274,25 +283,89 @@ static void press_along(palp_contact *c, uint32_t tool, palp_vec3 tangent, float
     for (uint32_t m = 0; m < modes; m++) c->load[m] *= c->surface[0].blob->regular.value[m];
 }
 
-void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
-                             float normal_N, palp_symmetric2 *near, palp_symmetric2 *far) {
-    palp_contact *c = contact;
-    float sum[2][2][2] = {{{0}}};
-    for (uint32_t k = 0; k < 2u; k++) {
-        press_along(c, tool, tangent[k], normal_N);
-        palp_contact_displace_corners(c);
-        for (uint32_t a = 0; a < c->active_count; a++) {
-            const uint32_t i = c->active[a];
-            const palp_vec3 by =
-                near_displacement(c, i, tangential_at(c, i, tool, tangent[k], normal_N));
-            const palp_vec3 rest = with_far(c, i, (palp_vec3){0});
-            for (uint32_t e = 0; e < 2u; e++) {
-                const palp_vec3 f = tangential_at(c, i, tool, tangent[e], normal_N);
-                sum[0][k][e] += palp_dot(by, f);
-                sum[1][k][e] += palp_dot(rest, f);
-            }
+/* Sums of u . f over the points of a tool: u of what presses, f of two other ways to press. */
+static void work_of(palp_contact *c, const pressing *presses, const pressing other[2],
+                    float near[2], float far[2]) {
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const uint32_t i = c->active[a];
+        const palp_vec3 f = pressed_by(c, i, presses);
+        const palp_vec3 with[2] = {pressed_by(c, i, &other[0]), pressed_by(c, i, &other[1])};
+        if (!(palp_dot(with[0], with[0]) + palp_dot(with[1], with[1]) > 0.0f)) continue;
+        const palp_vec3 u = near_displacement(c, i, f);
+        const palp_vec3 v = far != NULL ? with_far(c, i, (palp_vec3){0}) : (palp_vec3){0};
+        for (uint32_t e = 0; e < 2u; e++) {
+            near[e] += palp_dot(u, with[e]);
+            if (far != NULL) far[e] += palp_dot(v, with[e]);
         }
     }
-    *near = (palp_symmetric2){sum[0][0][0], 0.5f * (sum[0][0][1] + sum[0][1][0]), sum[0][1][1]};
-    *far = (palp_symmetric2){sum[1][0][0], 0.5f * (sum[1][0][1] + sum[1][1][0]), sum[1][1][1]};
+}
+
+static palp_symmetric2 symmetric(float c[2][2]) {
+    return (palp_symmetric2){c[0][0], 0.5f * (c[0][1] + c[1][0]), c[1][1]};
+}
+
+/* A region by itself, along its own tangents, as on a half-space. */
+static palp_symmetric2 alone(palp_contact *c, uint32_t tool, const palp_contact_region *region,
+                             uint32_t number) {
+    pressing way[2];
+    float near[2][2] = {{0.0f}};
+    for (uint32_t k = 0; k < 2u; k++) {
+        way[k] = (pressing){.tool = tool, .over_N = region->normal_N};
+        way[k].along[number] = region->tangent[k];
+    }
+    for (uint32_t k = 0; k < 2u; k++) {
+        press(c, &way[k], false);
+        work_of(c, &way[k], way, near[k], NULL);
+    }
+    return symmetric(near);
+}
+
+/* What of a direction lies along a region. */
+static palp_vec3 along(const palp_contact_region *region, palp_vec3 v) {
+    return palp_madd(v, -palp_dot(v, region->axis), region->axis);
+}
+
+/* c less share^2 times the part of a region by itself. */
+static palp_symmetric2 without(palp_symmetric2 c, palp_symmetric2 part, float share,
+                               const palp_contact_region *region, const palp_vec3 tangent[2]) {
+    float t[2][2];
+    for (uint32_t k = 0; k < 2u; k++) {
+        t[k][0] = share * palp_dot(tangent[k], region->tangent[0]);
+        t[k][1] = share * palp_dot(tangent[k], region->tangent[1]);
+    }
+    const float on[2][2] = {
+        {part.xx * t[0][0] + part.xy * t[0][1], part.xy * t[0][0] + part.yy * t[0][1]},
+        {part.xx * t[1][0] + part.xy * t[1][1], part.xy * t[1][0] + part.yy * t[1][1]}};
+    return (palp_symmetric2){c.xx - t[0][0] * on[0][0] - t[0][1] * on[0][1],
+                             c.xy - t[1][0] * on[0][0] - t[1][1] * on[0][1],
+                             c.yy - t[1][0] * on[1][0] - t[1][1] * on[1][1]};
+}
+
+void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
+                             const palp_contact_region *region, uint32_t regions,
+                             palp_symmetric2 *near, palp_symmetric2 *far) {
+    palp_contact *c = contact;
+    pressing way[2];
+    float sum[2][2][2] = {{{0.0f}}}, all_N = 0.0f;
+    for (uint32_t r = 0; r < regions; r++) all_N += region[r].normal_N;
+    for (uint32_t k = 0; k < 2u; k++) {
+        way[k] = (pressing){.tool = tool, .over_N = all_N};
+        for (uint32_t r = 0; r < regions; r++) way[k].along[r] = along(&region[r], tangent[k]);
+    }
+    for (uint32_t k = 0; k < 2u; k++) {
+        press(c, &way[k], true);
+        palp_contact_displace_corners(c);
+        work_of(c, &way[k], way, sum[0][k], sum[1][k]);
+    }
+    palp_symmetric2 between = symmetric(sum[0]);
+    *far = symmetric(sum[1]);
+    if (regions == 1u) {
+        near[0] = between;
+        return;
+    }
+    for (uint32_t r = 0; r < regions; r++) {
+        near[r] = alone(c, tool, &region[r], r);
+        between = without(between, near[r], region[r].normal_N / all_N, &region[r], tangent);
+    }
+    far->xx += between.xx, far->xy += between.xy, far->yy += between.yy;
 }

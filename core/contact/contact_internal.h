@@ -3,7 +3,7 @@
 #ifndef PALP_CONTACT_INTERNAL_H
 #define PALP_CONTACT_INTERNAL_H
 
-#include "core/contact/contact.h"
+#include "core/contact/regions.h"
 
 #define LANES 8u /* sums run in so many lanes, in one order on every target */
 
@@ -97,10 +97,15 @@ void palp_contact_displace_corners(palp_contact *contact);
 /* Displacement of a side by the gathered forces. */
 palp_vec3 palp_contact_displacement(palp_contact *contact, uint32_t side);
 
-/* t_a . C t_b of the tangential forces lambda / normal_N of one tool, tangents in the world, in two
- * parts: as if bodies were half-spaces, and the rest. Destroys what was gathered. */
+/*
+ * Compliance of a tool's contact along its surface, under forces as lambda: of each region by
+ * itself, along its own tangents, as if the body were a half-space; and what all of them together
+ * have beyond that, along two tangents of the tool, each region going along with what of them lies
+ * in its plane (of a single region: its own tangents). Destroys what was gathered.
+ */
 void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
-                             float normal_N, palp_symmetric2 *near, palp_symmetric2 *far);
+                             const palp_contact_region *region, uint32_t regions,
+                             palp_symmetric2 *near, palp_symmetric2 *far);
 
 /* ---- bonds.c ---- */
 

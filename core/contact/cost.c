@@ -265,5 +265,5 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     if (!cost->friction) return sum;
     sum += cost->tools * PRICE(cost, FRICTION);
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +
-                         a * a * PRICE(cost, DISPLACE) + corners);
+                         2.0f * a * a * PRICE(cost, DISPLACE) + corners);
 }

@@ -101,7 +101,7 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
 /* palp_contact_finish: tools FINISH + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count (FOLLOW
  * + EVALUATION)
  * + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction + tools FRICTION
- * + 2 (a (POINT + modes MODE_AT) + a^2 DISPLACE + 3 count (CORNER + modes CORNER_MODE)) */
+ * + 2 (a (POINT + modes MODE_AT) + 2 a^2 DISPLACE + 3 count (CORNER + modes CORNER_MODE)) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active);
 

@@ -2,36 +2,15 @@
 #include "core/contact/friction.h"
 #include "core/contact/contact_internal.h"
 
-#define SPRINGS PALP_FRICTION_SPRINGS
-#define HERTZ 1.2f   /* compliance under a force like the pressure, over that of all points alike */
-#define LAID 0.85f   /* sqrt(z / z_top) when the depths are laid */
-#define SHALLOW 0.4f /* and below which they are laid anew */
+#define HERTZ 1.2f /* compliance under a force like the pressure, over that of all points alike */
+#define SPREAD_ROUND                                                                               \
+    2.5f /* a^2 over the mean square distance from the middle, by pressure: Hertz, */
+#define SPREAD_FLAT 1.5f /* and under a punch */
 #define SETTLED 1e-5f
-
-/* A spring as it is in a solution: in the tangent plane, with w and mu (z - z_j). */
-typedef struct {
-    float stretch_m[2], stiffness_N_per_m, reach_m;
-    palp_vec3 *at; /* e_j */
-} spring;
-
-typedef struct {
-    spring of[2u * SPRINGS];
-    uint32_t count;
-    palp_symmetric2 m;  /* M */
-    float unit_N_per_m; /* w of a depth that touches wholly, times how many there are */
-} spring_set;
 
 void palp_friction_reset(palp_friction *friction) { *friction = (palp_friction){0}; }
 
 /* ---- the contact ---- */
-
-static void find_tangents(palp_friction *f) {
-    palp_vec3 n = f->axis;
-    palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
-    palp_vec3 t = palp_cross(n, palp_abs(n.x) < 0.6f ? x : y);
-    f->tangent[0] = palp_scale(1.0f / palp_norm(t), t);
-    f->tangent[1] = palp_cross(n, f->tangent[0]);
-}
 
 /* Neither direction below `least`, and definite. */
 static palp_symmetric2 made_definite(palp_symmetric2 c, float least) {
@@ -40,270 +19,197 @@ static palp_symmetric2 made_definite(palp_symmetric2 c, float least) {
     return sound ? c : (palp_symmetric2){d.xx, 0.0f, d.yy};
 }
 
+/* Along the only region, or across the force of several. */
+static void find_tangents(palp_friction *f, palp_vec3 force) {
+    const palp_contact_region *one = &f->region[0].at;
+    const float size = palp_norm(force);
+    const bool single = f->regions == 1u || !(size > 0.0f);
+    palp_contact_tangents(single ? one->axis : palp_scale(1.0f / size, force), f->tangent);
+}
+
 /* No direction is stiffer than a tenth of the softest: truncated modes may leave the whole slightly
  * indefinite near fixed nodes. */
 static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool) {
-    palp_symmetric2 near, far;
-    palp_contact_tangential(c, tool, f->tangent, f->normal_N, &near, &far);
-    const float scale = f->rounded ? 1.0f / HERTZ : 1.0f;
-    if (far.xx < 0.0f || far.yy < 0.0f) { /* stiffer than a half-space */
-        near.xx += far.xx, near.xy += far.xy, near.yy += far.yy;
+    palp_symmetric2 near[PALP_CONTACT_REGIONS], far;
+    palp_contact_region region[PALP_CONTACT_REGIONS];
+    for (uint32_t k = 0; k < f->regions; k++) region[k] = f->region[k].at;
+    palp_contact_tangential(c, tool, f->tangent, region, f->regions, near, &far);
+    if (f->regions == 1u && (far.xx < 0.0f || far.yy < 0.0f)) { /* stiffer than a half-space */
+        near[0].xx += far.xx, near[0].xy += far.xy, near[0].yy += far.yy;
         far = (palp_symmetric2){0.0f, 0.0f, 0.0f};
     }
-    near = (palp_symmetric2){scale * near.xx, scale * near.xy, scale * near.yy};
-    f->near_m_per_N = made_definite(near, 0.1f * palp_max(near.xx, near.yy));
+    for (uint32_t k = 0; k < f->regions; k++) {
+        const float scale = f->region[k].rounded ? 1.0f / HERTZ : 1.0f;
+        const palp_symmetric2 a = {scale * near[k].xx, scale * near[k].xy, scale * near[k].yy};
+        f->region[k].near_m_per_N = made_definite(a, 0.1f * palp_max(a.xx, a.yy));
+    }
     f->far_m_per_N = made_definite(far, 0.0f);
 }
 
-static float mean_compliance(const palp_friction *f) {
-    return 0.5f * (f->near_m_per_N.xx + f->near_m_per_N.yy);
+/* What of region `o` of before goes on in region `r`, by the forces of all that it goes on in. */
+static float share_of(const palp_friction *f, uint32_t o, uint32_t r) {
+    float all = 0.0f;
+    for (uint32_t k = 0; k < f->regions; k++) {
+        if ((f->region[k].at.parents >> o & 1u) != 0u) all += f->region[k].at.normal_N;
+    }
+    return all > 0.0f ? f->region[r].at.normal_N / all : 0.0f;
 }
 
-/* ---- depths ---- */
-
-/* Share of depth j that touches, 0..1. */
-static float covered(float root, uint32_t j) {
-    return palp_clamp(root * (float)SPRINGS - (float)j, 0.0f, 1.0f);
-}
-
-/* Stretch that part of depth i between two places, from and to of 0..1, has in all. */
-static palp_vec3 stretch_between(const palp_friction *f, uint32_t i, float from, float to) {
-    const float end = palp_min(to, covered(f->root, i)), kept = f->kept[i];
-    const float inner = palp_max(palp_min(end, kept) - from, 0.0f);
-    const float outer = palp_max(end - palp_max(from, kept), 0.0f);
-    return palp_madd(palp_scale(inner, f->stretch_m[0][i]), outer, f->stretch_m[1][i]);
-}
-
-/* Depths anew; `grows`: z_top of before over the new one, as a root. */
-static void lay_depths(palp_friction *f, float grows) {
-    palp_friction old = *f;
-    const float step = 1.0f / grows, touched = f->root * (float)SPRINGS;
-    for (uint32_t j = 0; j < SPRINGS; j++) {
-        const float from = palp_min((float)j * step, (float)SPRINGS);
-        const float to = palp_min(from + step, touched);
-        palp_vec3 sum = {0};
-        /* at most SPRINGS; all depths together twice that */
-        for (uint32_t i = (uint32_t)from; i < SPRINGS && (float)i < to; i++) {
-            const float low = palp_clamp(from - (float)i, 0.0f, 1.0f);
-            const float high = palp_clamp(to - (float)i, 0.0f, 1.0f);
-            if (high > low) sum = palp_add(sum, stretch_between(&old, i, low, high));
+/* The springs of region r, after those of before. */
+static void take_over(palp_friction *f, uint32_t r, const palp_springs *old, uint32_t count) {
+    const palp_springs *from[PALP_CONTACT_REGIONS];
+    float share[PALP_CONTACT_REGIONS];
+    uint32_t found = 0;
+    for (uint32_t o = 0; o < count; o++) {
+        if ((f->region[r].at.parents >> o & 1u) == 0u) continue;
+        from[found] = &old[o];
+        share[found] = share_of(f, o, r);
+        if (share[found] * old[o].at.normal_N > share[0] * from[0]->at.normal_N) { /* it leads */
+            const palp_springs *first = from[0];
+            const float part = share[0];
+            from[0] = from[found], share[0] = share[found];
+            from[found] = first, share[found] = part;
         }
-        f->stretch_m[0][j] = to > from ? palp_scale(1.0f / (to - from), sum) : (palp_vec3){0};
-        f->stretch_m[1][j] = (palp_vec3){0};
+        found++;
     }
-    f->root *= grows;
-    for (uint32_t j = 0; j < SPRINGS; j++) f->kept[j] = covered(f->root, j);
+    if (found > 0u) palp_springs_inherit(&f->region[r], from, share, found);
 }
 
-/* The depth z: what loses touch forgets, what comes in touch is not stretched yet. */
-static void press(palp_friction *f, float z) {
-    if (!f->rounded) {
-        f->root = f->kept[0] = 1.0f;
-        f->top_m = z;
-        return;
+/* The regions of this tick, with the springs of those before. Apart, for the sake of the stack. */
+__attribute__((noinline)) static void follow_regions(palp_friction *f, palp_contact *c,
+                                                     uint32_t tool) {
+    const bool rounded = c->tools[tool].balls > 0u;
+    const uint32_t before = f->regions;
+    palp_springs old[PALP_CONTACT_REGIONS];
+    palp_contact_region region[2][PALP_CONTACT_REGIONS];
+    for (uint32_t k = 0; k < before; k++) {
+        old[k] = f->region[k];
+        region[0][k] = old[k].at;
     }
-    float root = f->top_m > 0.0f ? palp_sqrt(z / f->top_m) : 2.0f;
-    if (root > 1.0f || root < SHALLOW) {
-        const float top = z / (LAID * LAID);
-        lay_depths(f, f->top_m > 0.0f ? palp_sqrt(f->top_m / top) : 1.0f);
-        f->top_m = top;
-        root = LAID;
+    f->regions = palp_contact_regions(c, tool, region[0], before, region[1]);
+    for (uint32_t k = 0; k < f->regions; k++) {
+        const float over = rounded ? SPREAD_ROUND : SPREAD_FLAT;
+        f->region[k] = (palp_springs){.at = region[1][k],
+                                      .radius_m = palp_sqrt(over * region[1][k].spread_m2),
+                                      .rounded = rounded};
     }
-    for (uint32_t j = 0; j < SPRINGS; j++) {
-        const float before = covered(f->root, j), now = covered(root, j), kept = f->kept[j];
-        if (now > before)
-            f->stretch_m[1][j] = palp_scale((before - kept) / (now - kept), f->stretch_m[1][j]);
-        f->kept[j] = palp_min(kept, now);
-        if (!(now > f->kept[j])) f->stretch_m[1][j] = (palp_vec3){0};
-        if (!(now > 0.0f)) f->stretch_m[0][j] = (palp_vec3){0};
-    }
-    f->root = root;
+    if (f->regions == 0u) return;
+    find_tangents(f, c->force_N[tool]);
+    measure_compliance(f, c, tool);
+    for (uint32_t k = 0; k < f->regions; k++) take_over(f, k, old, before);
 }
 
-/* ---- springs ---- */
+/* ---- springs of all regions ---- */
 
-static float coefficient(const palp_friction *f, const palp_tool *tool, float z) {
-    const float still = tool->friction, sliding = palp_tool_sliding(tool);
-    return sliding + (still - sliding) / (1.0f + f->slid_m / palp_max(still * z, 1e-30f));
-}
+typedef struct {
+    const palp_friction *of;
+    palp_spring_set set[PALP_CONTACT_REGIONS];
+    float soft_m_per_N; /* 1 / k */
+} system;
 
-/* Adds the spring of depth j between two places of it. */
-static void add_spring(palp_friction *f, float mu, uint32_t part, uint32_t j, float from, float to,
-                       spring_set *s) {
-    if (!(to > from)) return;
-    const float low = ((float)j + from) / (float)SPRINGS, high = ((float)j + to) / (float)SPRINGS;
-    const float top = f->top_m, z = top * f->root * f->root;
-    const float depth = f->rounded ? top * (low * low + low * high + high * high) / 3.0f : 0.0f;
-    const float share = f->rounded ? (to - from) / (float)SPRINGS : 1.0f;
-    palp_vec3 *at = &f->stretch_m[part][j];
-    s->of[s->count++] =
-        (spring){.stretch_m = {palp_dot(*at, f->tangent[0]), palp_dot(*at, f->tangent[1])},
-                 .stiffness_N_per_m = share * s->unit_N_per_m,
-                 .reach_m = mu * (z - depth),
-                 .at = at};
-}
-
-static void find_springs(palp_friction *f, float mu, spring_set *s) {
-    const palp_symmetric2 a = f->near_m_per_N;
-    const float mean = mean_compliance(f), over = mean / (a.xx * a.yy - a.xy * a.xy);
-    s->m = (palp_symmetric2){over * a.yy, -over * a.xy, over * a.xx};
-    s->unit_N_per_m = 1.0f / (f->root * mean);
-    s->count = 0;
-    for (uint32_t j = 0; j < (f->rounded ? SPRINGS : 1u); j++) {
-        add_spring(f, mu, 0, j, 0.0f, f->kept[j], s);
-        add_spring(f, mu, 1, j, f->kept[j], covered(f->root, j), s);
-    }
-}
-
-/* M v, shortened to `reach`; *d: its derivative by M v. Returns the factor. */
-static float clip(const spring_set *s, const float v[2], float reach, float out[2],
-                  palp_symmetric2 *d) {
-    out[0] = s->m.xx * v[0] + s->m.xy * v[1];
-    out[1] = s->m.xy * v[0] + s->m.yy * v[1];
-    const float length2 = out[0] * out[0] + out[1] * out[1];
-    *d = (palp_symmetric2){1.0f, 0.0f, 1.0f};
-    if (length2 <= reach * reach) return 1.0f;
-    const float factor = reach / palp_sqrt(length2);
-    *d = (palp_symmetric2){factor * (1.0f - out[0] * out[0] / length2),
-                           -factor * out[0] * out[1] / length2,
-                           factor * (1.0f - out[1] * out[1] / length2)};
-    out[0] *= factor;
-    out[1] *= factor;
-    return factor;
-}
-
-/* P of the springs stretched by `by` more, and its derivative by that. */
-static void pull(const spring_set *s, const float by[2], float force[2], float slope[2][2]) {
-    float d[2][2] = {{0.0f}};
-    force[0] = force[1] = 0.0f;
-    for (uint32_t j = 0; j < s->count; j++) {
-        const spring *p = &s->of[j];
-        const float v[2] = {p->stretch_m[0] + by[0], p->stretch_m[1] + by[1]};
-        const float w = p->stiffness_N_per_m;
-        float out[2];
-        palp_symmetric2 each;
-        (void)clip(s, v, p->reach_m, out, &each);
-        force[0] += w * out[0];
-        force[1] += w * out[1];
-        d[0][0] += w * each.xx;
-        d[0][1] += w * each.xy;
-        d[1][1] += w * each.yy;
-    }
-    slope[0][0] = d[0][0] * s->m.xx + d[0][1] * s->m.xy;
-    slope[0][1] = d[0][0] * s->m.xy + d[0][1] * s->m.yy;
-    slope[1][0] = d[0][1] * s->m.xx + d[1][1] * s->m.xy;
-    slope[1][1] = d[0][1] * s->m.xy + d[1][1] * s->m.yy;
-}
-
-/* How far the springs are stretched more, by = unheld - soft P, by semismooth Newton steps. */
-static void find_stretch(const spring_set *s, const float unheld[2], palp_symmetric2 soft,
-                         float most_N, float by[2]) {
-    const float small = SETTLED * (soft.xx + soft.yy) * most_N;
-    by[0] = by[1] = 0.0f;
-    for (uint32_t step = 0; step < PALP_FRICTION_STEPS; step++) {
-        float force[2], slope[2][2];
-        pull(s, by, force, slope);
-        const float r[2] = {by[0] - unheld[0] + soft.xx * force[0] + soft.xy * force[1],
-                            by[1] - unheld[1] + soft.xy * force[0] + soft.yy * force[1]};
-        if (step > 0u && palp_abs(r[0]) + palp_abs(r[1]) <= small) return;
-        const float a = 1.0f + soft.xx * slope[0][0] + soft.xy * slope[1][0];
-        const float b = soft.xx * slope[0][1] + soft.xy * slope[1][1];
-        const float c = soft.xy * slope[0][0] + soft.yy * slope[1][0];
-        const float d = 1.0f + soft.xy * slope[0][1] + soft.yy * slope[1][1];
-        const float inverse = 1.0f / (a * d - b * c);
-        by[0] -= inverse * (d * r[0] - b * r[1]);
-        by[1] -= inverse * (a * r[1] - c * r[0]);
-    }
-}
-
-static palp_vec3 in_plane(const palp_friction *f, const float v[2]) {
-    return palp_madd(palp_scale(v[0], f->tangent[0]), v[1], f->tangent[1]);
-}
-
-/* Lets the springs slip where they are stretched by `by` more; force[2]: P. */
-static void slip(palp_friction *f, const spring_set *s, const float by[2], float force[2]) {
-    float twice_J = 0.0f, sticking = 0.0f;
-    force[0] = force[1] = 0.0f;
-    f->slipping = true;
-    for (uint32_t j = 0; j < s->count; j++) {
-        const spring *p = &s->of[j];
-        const float v[2] = {p->stretch_m[0] + by[0], p->stretch_m[1] + by[1]};
-        float out[2];
-        palp_symmetric2 d;
-        const float factor = clip(s, v, p->reach_m, out, &d);
-        const float w = p->stiffness_N_per_m, kept[2] = {factor * v[0], factor * v[1]};
-        force[0] += w * out[0];
-        force[1] += w * out[1];
-        twice_J += w * (out[0] * kept[0] + out[1] * kept[1]);
-        *p->at = palp_scale(factor, palp_add(*p->at, in_plane(f, by)));
-        if (factor < 1.0f) continue;
-        sticking += w;
-        f->slipping = false;
-    }
+/* B v */
+static palp_vec3 give(const palp_friction *f, palp_vec3 v) {
     const palp_symmetric2 b = f->far_m_per_N;
-    twice_J +=
-        b.xx * force[0] * force[0] + 2.0f * b.xy * force[0] * force[1] + b.yy * force[1] * force[1];
-    f->force_N = palp_scale(-1.0f, in_plane(f, force));
-    f->energy_J = 0.5f * twice_J;
-    f->sticking_N_per_m = sticking / (1.0f + 0.5f * (b.xx + b.yy) * sticking);
-    f->slid_m = f->slipping ? f->slid_m + palp_sqrt(by[0] * by[0] + by[1] * by[1]) : 0.0f;
+    const float x = palp_dot(f->tangent[0], v), y = palp_dot(f->tangent[1], v);
+    return palp_madd(palp_scale(b.xx * x + b.xy * y, f->tangent[0]), b.xy * x + b.yy * y,
+                     f->tangent[1]);
+}
+
+/* (B + 1/k) v */
+static palp_vec3 yield(const system *s, palp_vec3 v) {
+    return palp_madd(give(s->of, v), s->soft_m_per_N, v);
+}
+
+/* x of a x = b, by the columns of a. */
+static palp_vec3 solve3(const palp_vec3 a[3], palp_vec3 b) {
+    const palp_vec3 c[3] = {palp_cross(a[1], a[2]), palp_cross(a[2], a[0]), palp_cross(a[0], a[1])};
+    const float inverse = 1.0f / palp_dot(a[0], c[0]);
+    return (palp_vec3){inverse * palp_dot(c[0], b), inverse * palp_dot(c[1], b),
+                       inverse * palp_dot(c[2], b)};
+}
+
+static float size_of(palp_vec3 v) { return palp_abs(v.x) + palp_abs(v.y) + palp_abs(v.z); }
+
+/* How far all springs are stretched more, by = unheld - (B + 1/k) P, by semismooth Newton steps. */
+static palp_vec3 find_stretch(const system *s, palp_vec3 unheld, float most_N) {
+    const palp_friction *f = s->of;
+    const palp_symmetric2 b = f->far_m_per_N;
+    const float small = SETTLED * (b.xx + b.yy + 2.0f * s->soft_m_per_N) * most_N;
+    palp_vec3 by = {0};
+    for (uint32_t step = 0; step < PALP_FRICTION_STEPS; step++) {
+        palp_vec3 force = {0}, slope[3] = {{0}};
+        for (uint32_t k = 0; k < f->regions; k++) palp_springs_add(&s->set[k], by, &force, slope);
+        const palp_vec3 r = palp_add(palp_sub(by, unheld), yield(s, force));
+        if (step > 0u && size_of(r) <= small) return by;
+        palp_vec3 column[3] = {yield(s, slope[0]), yield(s, slope[1]), yield(s, slope[2])};
+        column[0].x += 1.0f, column[1].y += 1.0f, column[2].z += 1.0f;
+        by = palp_sub(by, solve3(column, r));
+    }
+    return by;
+}
+
+/* The springs as they are now, of a tool that has turned; the most that they carry. */
+static float gather(palp_friction *f, const palp_tool *tool, system *s) {
+    float most_N = 0.0f;
+    for (uint32_t k = 0; k < f->regions; k++) {
+        palp_springs *r = &f->region[k];
+        palp_springs_press(r, palp_springs_depth(r));
+        const float mu = palp_springs_coefficient(r, tool);
+        palp_springs_gather(r, mu, f->turn_rad, &s->set[k]);
+        most_N += mu * r->at.normal_N;
+    }
+    return most_N;
 }
 
 void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_t tool,
                          palp_vec3 rest_m, float stiffness_N_per_m) {
     palp_friction *f = friction;
-    if (!(contact->normal_N[tool] > 0.0f)) {
+    system s = {.of = f,
+                .soft_m_per_N = stiffness_N_per_m > 0.0f ? 1.0f / stiffness_N_per_m : 0.0f};
+    const palp_vec3 before = palp_scale(-1.0f, f->force_N);
+    const palp_vec3 unslowed_m = palp_madd(rest_m, s.soft_m_per_N, before); /* without T */
+    const bool touched = f->regions > 0u;
+    if (contact->normal_N[tool] > 0.0f) follow_regions(f, contact, tool);
+    if (!(contact->normal_N[tool] > 0.0f) || f->regions == 0u) {
         palp_friction_reset(f);
         return;
     }
-    const float soft = stiffness_N_per_m > 0.0f ? 1.0f / stiffness_N_per_m : 0.0f;
-    const palp_vec3 normal = contact->force_N[tool];
-    const palp_vec3 free_m = palp_madd(rest_m, -soft, f->force_N); /* without T */
-    f->rounded = contact->tools[tool].balls > 0u;
-    f->axis = palp_scale(1.0f / palp_max(palp_norm(normal), 1e-30f), normal);
     f->normal_N = contact->normal_N[tool];
-    if (!f->touching) f->tool_m = free_m;
-    f->touching = true;
-    find_tangents(f);
-    measure_compliance(f, contact, tool);
-    const float z = (f->rounded ? 1.5f : 1.0f) * f->normal_N * mean_compliance(f);
-    press(f, z);
-    const float mu = coefficient(f, &contact->tools[tool], z);
+    if (!touched) f->tool_m = unslowed_m;
+    const float most_N = gather(f, &contact->tools[tool], &s);
     /* what the springs would be stretched by without force: B P of before is given back */
-    const palp_symmetric2 far = f->far_m_per_N;
-    const palp_vec3 off = palp_sub(free_m, f->tool_m);
-    const float before[2] = {-palp_dot(f->force_N, f->tangent[0]),
-                             -palp_dot(f->force_N, f->tangent[1])};
-    const float unheld[2] = {palp_dot(off, f->tangent[0]) + far.xx * before[0] + far.xy * before[1],
-                             palp_dot(off, f->tangent[1]) + far.xy * before[0] +
-                                 far.yy * before[1]};
-    spring_set springs;
-    float by[2], force[2];
-    find_springs(f, mu, &springs);
-    find_stretch(&springs, unheld, (palp_symmetric2){far.xx + soft, far.xy, far.yy + soft},
-                 mu * f->normal_N, by);
-    slip(f, &springs, by, force);
-    contact->work_done += 40u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)springs.count;
-    const float moved[2] = {
-        by[0] + far.xx * (force[0] - before[0]) + far.xy * (force[1] - before[1]),
-        by[1] + far.xy * (force[0] - before[0]) + far.yy * (force[1] - before[1])};
-    f->solved_m = palp_add(f->tool_m, in_plane(f, moved));
+    const palp_vec3 unheld = palp_add(palp_sub(unslowed_m, f->tool_m), give(f, before));
+    const palp_vec3 by = find_stretch(&s, unheld, most_N);
+    palp_springs_pull pull = {.slipping = true};
+    for (uint32_t k = 0; k < f->regions; k++) {
+        palp_springs_slip(&s.set[k], by, &pull);
+        contact->work_done += 50u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)s.set[k].count;
+    }
+    const palp_symmetric2 b = f->far_m_per_N;
+    const palp_vec3 given = give(f, pull.force_N);
+    f->force_N = palp_scale(-1.0f, pull.force_N);
+    f->moment_Nm = palp_scale(-1.0f, pull.moment_Nm);
+    f->energy_J = pull.energy_J + 0.5f * palp_dot(pull.force_N, given);
+    f->sticking_N_per_m =
+        pull.sticking_N_per_m / (1.0f + 0.5f * (b.xx + b.yy) * pull.sticking_N_per_m);
+    f->slipping = pull.slipping;
+    f->turn_rad = (palp_vec3){0};
+    f->solved_m = palp_add(f->tool_m, palp_add(by, palp_sub(given, give(f, before))));
 }
 
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {
     friction->tool_m = palp_add(friction->tool_m, by_m);
 }
 
+void palp_friction_turn(palp_friction *friction, palp_vec3 by_rad) {
+    friction->turn_rad = palp_add(friction->turn_rad, by_rad);
+}
+
 void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m) {
     palp_friction *f = friction;
     const palp_vec3 more = palp_sub(tool_m, f->solved_m);
     f->tool_m = tool_m;
-    if (!f->touching) return;
-    for (uint32_t j = 0; j < (f->rounded ? SPRINGS : 1u); j++) {
-        if (f->kept[j] > 0.0f) f->stretch_m[0][j] = palp_add(f->stretch_m[0][j], more);
-        if (covered(f->root, j) > f->kept[j])
-            f->stretch_m[1][j] = palp_add(f->stretch_m[1][j], more);
-    }
+    for (uint32_t k = 0; k < f->regions; k++) palp_springs_move(&f->region[k], more);
 }
 
 float palp_friction_share(const palp_friction *friction, float stiffness_N_per_m) {

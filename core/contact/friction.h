@@ -1,60 +1,42 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Coulomb friction of one tool with partial slip (Cattaneo and Mindlin), by springs of different
- * depths (Jaeger 1998; Popov and Hess, method of dimensionality reduction).
+ * Coulomb friction of one tool: springs of each region that it touches (contact/springs.h), in
+ * series with the body at large, which gives way by B P under all of them together.
  *
- * Pressed deeper, a contact becomes stiffer: what touches at depth z_j adds a stiffness w_j along
- * the surface and carries up to mu w_j (z - z_j) before it slips, so the rim slips first. Spring j
- * is stretched by e_j, from the material that it holds on to, which the whole body lets go by B P:
+ *     P = sum of the regions' P(e)             on the body, T = -P on the tool
+ *     x = rest - P / k                         where the tool on its spring comes to rest
+ *     de = dx + dr x o - B dP                  with the motion and turn of the tool, o: the region
  *
- *     P = sum_j w_j clip(M e_j, mu (z - z_j))    on the body, T = -P; clip shortens to that length
- *     x = rest - P / k                            where the tool on its spring comes to rest
- *     de_j = dx - B dP                            with the motion of the tool
+ *     B    what the compliance along the surface has beyond those of the regions, which are taken
+ *          as on a half-space (1 / 1.2 of what a force in proportion to the pressure gives, for a
+ *          rounded tool: all points moving alike; exact for Hertz)
  *
- * e_j is a vector of space of which the part in the contact's plane counts, so that a tool that
- * comes back finds the force that it left, also where the plane has turned meanwhile.
- *
- *     A    compliance along the surface of the contact as on a half-space; a = tr A / 2, M = a A^-1
- *     B    the rest of the compliance, of the body at large
- *     w_j  sum_j w_j = 1 / a
- *     z_j  sum_j w_j (z - z_j) = N, so that |T| <= mu N
- *
- * For a rounded tool (K ~ sqrt(z), Hertz) z = 1.5 N a, in PALP_FRICTION_SPRINGS depths that are
- * equidistant in sqrt(z) up to z_top and stay where they are while the load changes: what is
- * stretched stays so, whatever the load does; what loses touch forgets. A depth that has lost touch
- * in part is two springs, what kept it and what has touched since. z_top is laid anew when z leaves
- * it. A flat tool has one spring at depth 0, z = N a. A is what a force in proportion to the
- * pressure gives, over 1.2 for a rounded tool (all points moving alike; exact for Hertz).
- *
- * The coefficient goes from mu (static) to that of sliding over a path of mu z when all slips,
- * and back at once when the tool sticks.
+ * Regions are followed from tick to tick by where they are. One that parts hands its stretches on
+ * to both, those that meet take the mean by their forces.
  *
  * What tangential force does to normal gaps and normal force to tangential displacements is left
- * out, on both sides, so the joint problem stays symmetric. All regions of a tool's contact share
- * one set of springs; spin about the normal is not resisted.
+ * out, on both sides, so the joint problem stays symmetric. Rolling does not relax the springs. To
+ * a turn only the springs give way, not the body at large.
  */
 #ifndef PALP_CONTACT_FRICTION_H
 #define PALP_CONTACT_FRICTION_H
 
-#include "core/contact/contact.h"
-
-#define PALP_FRICTION_SPRINGS 16u
+#include "core/contact/springs.h"
 
 typedef struct {
-    palp_vec3 force_N;  /* T, on the tool */
-    palp_vec3 tool_m;   /* where it was settled */
-    palp_vec3 solved_m; /* where it came to rest */
-    palp_vec3 axis;     /* direction of the normal force on the tool */
+    palp_vec3 force_N;   /* T, on the tool */
+    palp_vec3 moment_Nm; /* and its moment about the tool's reference point */
+    palp_vec3 tool_m;    /* where it was settled */
+    palp_vec3 solved_m;  /* where it came to rest */
+    palp_vec3 turn_rad;  /* by which the tool has turned since */
     palp_vec3 tangent[2];
-    palp_symmetric2 near_m_per_N, far_m_per_N; /* A and B, in the tangent plane */
-    float normal_N;                            /* N */
-    float top_m, root;                         /* z_top, sqrt(z / z_top) */
-    float kept[PALP_FRICTION_SPRINGS];         /* share of a depth that has touched for longest */
-    palp_vec3 stretch_m[2][PALP_FRICTION_SPRINGS]; /* e_j of that, and of the rest of it */
+    palp_symmetric2 far_m_per_N; /* B, across the force of the contact */
+    float normal_N;              /* N, all regions together */
+    palp_springs region[PALP_CONTACT_REGIONS];
+    uint32_t regions;       /* 0: the tool does not touch */
     float sticking_N_per_m; /* of the contact and the body, by what does not slip */
-    float energy_J;         /* (sum_j w_j e_j . M e_j + T . B T) / 2 */
-    float slid_m;           /* since all springs slip */
-    bool touching, slipping, rounded;
+    float energy_J;         /* of springs and B */
+    bool slipping;          /* everywhere */
 } palp_friction;
 
 /* Lets go. */
@@ -62,8 +44,8 @@ void palp_friction_reset(palp_friction *friction);
 
 /*
  * T for a tool of the solved contact that would come to rest at rest_m with the T of before, on a
- * spring (stiffness 0: rigidly held). Cost: twice a^2 (50) + 9 modes a, and at most
- * PALP_FRICTION_STEPS + 2 passes over the springs (40 each).
+ * spring (stiffness 0: rigidly held). Cost: four times a^2 (50) and twice 9 modes a, and at most
+ * PALP_FRICTION_STEPS + 2 passes over the springs (50 each).
  */
 void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_t tool,
                          palp_vec3 rest_m, float stiffness_N_per_m);
@@ -72,6 +54,9 @@ void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_
 
 /* The body that it is on has moved. */
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m);
+
+/* The tool has turned by a small vector of rotation, about its reference point. */
+void palp_friction_turn(palp_friction *friction, palp_vec3 by_rad);
 
 /* Once the tool is where it comes to rest. */
 void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m);

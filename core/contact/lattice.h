@@ -65,6 +65,7 @@ typedef struct {
     float force_N;    /* along m, not negative */
     bool active;      /* in contact */
     bool left_out;    /* of this tick's active set: its pivot vanished */
+    uint8_t region;   /* of those in contact, set by palp_contact_regions */
 } palp_contact_point;
 
 /* Where the points of each place of a lattice are. */

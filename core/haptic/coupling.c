@@ -89,7 +89,7 @@ static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, palp_v
         k->contact_stiffness_N_per_m / (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
     moved = palp_madd(moved, -along * share, k->contact_N);
     /* friction that sticks holds the tool across the contact, too */
-    if (!k->friction.touching || k->friction.slipping) return moved;
+    if (k->friction.regions == 0u || k->friction.slipping) return moved;
     palp_vec3 across = palp_madd(dx, -along, k->contact_N);
     return palp_madd(moved, -palp_friction_share(&k->friction, k->stiffness_N_per_m), across);
 }
@@ -140,7 +140,7 @@ static palp_vec3 damp_along(palp_vec3 force, float damping, palp_vec3 velocity) 
 /* Along the contact's force and, where friction sticks, along that. */
 static palp_vec3 damper(const palp_coupling_tool *k, palp_vec3 velocity) {
     const palp_vec3 normal = damp_along(k->contact_N, k->damping_Ns_per_m, velocity);
-    if (!k->friction.touching || k->friction.slipping) return normal;
+    if (k->friction.regions == 0u || k->friction.slipping) return normal;
     return palp_add(normal, damp_along(k->friction.force_N, k->damping_Ns_per_m, velocity));
 }
 

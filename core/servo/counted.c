@@ -69,7 +69,7 @@ const palp_target palp_target_counted = {"counted", {{[PALP_WORK_BALL] = 60,
                                                       [PALP_WORK_ITERATION] = 40,
                                                       [PALP_WORK_PRESSED] = 20,
                                                       [PALP_WORK_FINISH] = 400,
-                                                      [PALP_WORK_FRICTION] = 10240,
+                                                      [PALP_WORK_FRICTION] = 41000,
                                                       [PALP_WORK_SOUGHT] = 10}}};
 
 const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
@@ -133,5 +133,5 @@ const palp_prices palp_bytes_touched = {{[PALP_WORK_BALL] = 16,
                                          [PALP_WORK_ITERATION] = 64,
                                          [PALP_WORK_PRESSED] = 32,
                                          [PALP_WORK_FINISH] = 512,
-                                         [PALP_WORK_FRICTION] = 4096,
+                                         [PALP_WORK_FRICTION] = 8192,
                                          [PALP_WORK_SOUGHT] = 12}};

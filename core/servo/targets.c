@@ -71,7 +71,7 @@ const palp_target palp_target_x86_64 = {"x86-64",
                                           [PALP_WORK_ITERATION] = 20,
                                           [PALP_WORK_PRESSED] = 441.3228f,
                                           [PALP_WORK_FINISH] = 15511.82f,
-                                          [PALP_WORK_FRICTION] = 17000,
+                                          [PALP_WORK_FRICTION] = 80000,
                                           [PALP_WORK_SOUGHT] = 40}}};
 
 const palp_target palp_target_x86_64_avx2 = {"x86-64-avx2",
@@ -142,7 +142,7 @@ const palp_target palp_target_x86_64_avx2 = {"x86-64-avx2",
                                                [PALP_WORK_ITERATION] = 20,
                                                [PALP_WORK_PRESSED] = 642.9062f,
                                                [PALP_WORK_FINISH] = 20431.52f,
-                                               [PALP_WORK_FRICTION] = 17000,
+                                               [PALP_WORK_FRICTION] = 80000,
                                                [PALP_WORK_SOUGHT] = 40}}};
 
 const palp_target palp_target_cortex_a53 = {"cortex-a53",
@@ -213,7 +213,7 @@ const palp_target palp_target_cortex_a53 = {"cortex-a53",
                                               [PALP_WORK_ITERATION] = 20,
                                               [PALP_WORK_PRESSED] = 515.3943f,
                                               [PALP_WORK_FINISH] = 16882.88f,
-                                              [PALP_WORK_FRICTION] = 18000,
+                                              [PALP_WORK_FRICTION] = 85000,
                                               [PALP_WORK_SOUGHT] = 40}}};
 
 const palp_target palp_target_cortex_m7 = {"cortex-m7",
@@ -284,5 +284,5 @@ const palp_target palp_target_cortex_m7 = {"cortex-m7",
                                              [PALP_WORK_ITERATION] = 20,
                                              [PALP_WORK_PRESSED] = 87.5003f,
                                              [PALP_WORK_FINISH] = 7813.066f,
-                                             [PALP_WORK_FRICTION] = 22000,
+                                             [PALP_WORK_FRICTION] = 104000,
                                              [PALP_WORK_SOUGHT] = 60}}};
