@@ -121,6 +121,8 @@ $(BUILD)/bench: $(BUILD)/tests/bench/bench.o $(BUILD)/tests/models.o $(HOST_OBJ)
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -ldl -lm -o $@
 $(BUILD)/elements: $(BUILD)/tests/bench/elements.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
+$(BUILD)/day: $(BUILD)/tests/soak/day.o $(HOST_OBJ) $(LIB)
+	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 bench: all $(BUILD)/bench $(BUILD)/elements ## fast against dense summation, side by side; also build/bench.json
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/rabbit.obj --levels 3 > $(BUILD)/bench.log
 	@$(BUILD)/bench $(BUILD)/rabbit.obj 0.004 $(BUILD)/bench.json
@@ -168,12 +170,12 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
 # The longest first: they run side by side.
-CHECKS := $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits reproduce dynamic zwidth fuzz static package calculix dds finger logs realtime direct browser)
-check: test $(BUILD)/elements ## make test plus sanitizers, other targets, browser, numpy and virtual machine
+CHECKS := $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits reproduce dynamic zwidth fuzz static package calculix dds finger logs realtime direct browser day)
+check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
-soak: all $(UNIT_BIN) $(BUILD)/elements ## what of make check is only long, in full: hours
-	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 \
-	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz)
+soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours
+	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 HOURS=24 \
+	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz day)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices

@@ -7,6 +7,7 @@
  */
 #include "sim/feel_device.h"
 #include "sim/rig.h"
+#include "sim/spectrum.h"
 #include "tools/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -144,34 +145,23 @@ static void tap(bench *b) {
 }
 
 /* Largest line between 20 and 500 Hz of the force while the hand holds still, after two preempted
- * ticks, by a Fourier sum over a second under Hann's window. */
+ * ticks. */
 static void at_rest(bench *b) {
     enum { TICKS = 1000 };
     static double force_N[TICKS];
-    const double turn = 2 * acos(-1.0);
     rig r;
     const hand_key keys[] = {{0, {0, 0, 0.01}}, {1, {0, 0, 0.01}}, {1.4, {0, 0, -0.006}}};
     if (!open_device(&r, b, 0, "overrun@1.5=1,overrun@1.6=1")) return;
     rig_lead(&r, keys, 3, 400, 6);
     r.bus.script.tremor_m = TREMOR_M; /* encoders that stand still are taken for broken ones */
     rig_run(&r, 2.4);
-    double mean = 0, most = 0;
     for (int i = 0; i < TICKS; i++) {
         rig_tick(&r);
         force_N[i] = (double)palp_norm(r.report.force_N);
-        mean += force_N[i] / TICKS;
     }
-    if (r.report.state != PALP_STATE_RUN || !(mean > 0)) most = INFINITY;
+    double most = spectrum_largest(force_N, TICKS, RATE_HZ, 20, 500);
+    if (r.report.state != PALP_STATE_RUN || !(force_N[0] > 0)) most = INFINITY;
     rig_stop(&r);
-    for (int hz = 20; hz <= 500; hz++) {
-        double in = 0, across = 0;
-        for (int i = 0; i < TICKS; i++) {
-            const double f = (force_N[i] - mean) * (1 - cos(turn * i / TICKS));
-            in += f * cos(turn * hz * i / TICKS);
-            across += f * sin(turn * hz * i / TICKS);
-        }
-        most = fmax(most, 2 * hypot(in, across) / TICKS);
-    }
     feel_add(&b->table, "force at rest", "largest line, 20 to 500 Hz", most, "N", NAN, 0.01);
 }
 

@@ -29,10 +29,9 @@ static void find_tangents(palp_friction *f, palp_vec3 force) {
 
 /* No direction is stiffer than a tenth of the softest: truncated modes may leave the whole slightly
  * indefinite near fixed nodes. */
-static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool) {
+static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool,
+                               const palp_contact_region *region) {
     palp_symmetric2 near[PALP_CONTACT_REGIONS], far;
-    palp_contact_region region[PALP_CONTACT_REGIONS];
-    for (uint32_t k = 0; k < f->regions; k++) region[k] = f->region[k].at;
     palp_contact_tangential(c, tool, f->tangent, region, f->regions, near, &far);
     if (f->regions == 1u && (far.xx < 0.0f || far.yy < 0.0f)) { /* stiffer than a half-space */
         near[0].xx += far.xx, near[0].xy += far.xy, near[0].yy += far.yy;
@@ -75,35 +74,33 @@ static void take_over(palp_friction *f, uint32_t r, const palp_springs *old, uin
     if (found > 0u) palp_springs_inherit(&f->region[r], from, share, found);
 }
 
-/* The regions of this tick, with the springs of those before. Apart, for the sake of the stack. */
-__attribute__((noinline)) static void follow_regions(palp_friction *f, palp_contact *c,
-                                                     uint32_t tool) {
+/* The regions of this tick, with the springs of those before. */
+static void follow_regions(palp_friction *f, palp_friction_work *w, palp_contact *c,
+                           uint32_t tool) {
     const bool rounded = c->tools[tool].balls > 0u;
     const uint32_t before = f->regions;
-    palp_springs old[PALP_CONTACT_REGIONS];
-    palp_contact_region region[2][PALP_CONTACT_REGIONS];
     for (uint32_t k = 0; k < before; k++) {
-        old[k] = f->region[k];
-        region[0][k] = old[k].at;
+        w->before[k] = f->region[k];
+        w->region[0][k] = f->region[k].at;
     }
-    f->regions = palp_contact_regions(c, tool, region[0], before, region[1]);
+    f->regions = palp_contact_regions(c, tool, w->region[0], before, w->region[1]);
     for (uint32_t k = 0; k < f->regions; k++) {
+        const palp_contact_region *at = &w->region[1][k];
         const float over = rounded ? SPREAD_ROUND : SPREAD_FLAT;
-        f->region[k] = (palp_springs){.at = region[1][k],
-                                      .radius_m = palp_sqrt(over * region[1][k].spread_m2),
-                                      .rounded = rounded};
+        f->region[k] = (palp_springs){
+            .at = *at, .radius_m = palp_sqrt(over * at->spread_m2), .rounded = rounded};
     }
     if (f->regions == 0u) return;
     find_tangents(f, c->force_N[tool]);
-    measure_compliance(f, c, tool);
-    for (uint32_t k = 0; k < f->regions; k++) take_over(f, k, old, before);
+    measure_compliance(f, c, tool, w->region[1]);
+    for (uint32_t k = 0; k < f->regions; k++) take_over(f, k, w->before, before);
 }
 
 /* ---- springs of all regions ---- */
 
 typedef struct {
     const palp_friction *of;
-    palp_spring_set set[PALP_CONTACT_REGIONS];
+    palp_spring_set *set;
     float soft_m_per_N; /* 1 / k */
 } system;
 
@@ -161,15 +158,16 @@ static float gather(palp_friction *f, const palp_tool *tool, system *s) {
     return most_N;
 }
 
-void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_t tool,
-                         palp_vec3 rest_m, float stiffness_N_per_m) {
+void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp_contact *contact,
+                         uint32_t tool, palp_vec3 rest_m, float stiffness_N_per_m) {
     palp_friction *f = friction;
     system s = {.of = f,
+                .set = work->set,
                 .soft_m_per_N = stiffness_N_per_m > 0.0f ? 1.0f / stiffness_N_per_m : 0.0f};
     const palp_vec3 before = palp_scale(-1.0f, f->force_N);
     const palp_vec3 unslowed_m = palp_madd(rest_m, s.soft_m_per_N, before); /* without T */
     const bool touched = f->regions > 0u;
-    if (contact->normal_N[tool] > 0.0f) follow_regions(f, contact, tool);
+    if (contact->normal_N[tool] > 0.0f) follow_regions(f, work, contact, tool);
     if (!(contact->normal_N[tool] > 0.0f) || f->regions == 0u) {
         palp_friction_reset(f);
         return;

@@ -39,6 +39,13 @@ typedef struct {
     bool slipping;          /* everywhere */
 } palp_friction;
 
+/* Room to work in, which keeps nothing from call to call: one serves all tools. */
+typedef struct {
+    palp_springs before[PALP_CONTACT_REGIONS];
+    palp_spring_set set[PALP_CONTACT_REGIONS];
+    palp_contact_region region[2][PALP_CONTACT_REGIONS];
+} palp_friction_work;
+
 /* Lets go. */
 void palp_friction_reset(palp_friction *friction);
 
@@ -47,8 +54,8 @@ void palp_friction_reset(palp_friction *friction);
  * spring (stiffness 0: rigidly held). Cost: four times a^2 (50) and twice 9 modes a, and at most
  * PALP_FRICTION_STEPS + 2 passes over the springs (50 each).
  */
-void palp_friction_solve(palp_friction *friction, palp_contact *contact, uint32_t tool,
-                         palp_vec3 rest_m, float stiffness_N_per_m);
+void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp_contact *contact,
+                         uint32_t tool, palp_vec3 rest_m, float stiffness_N_per_m);
 
 #define PALP_FRICTION_STEPS 6u
 

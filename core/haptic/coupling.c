@@ -193,7 +193,8 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         }
         if (c->tools[t].friction > 0.0f) {
             palp_vec3 before = k->friction.force_N;
-            palp_friction_solve(&k->friction, contact, t, rest, k->stiffness_N_per_m);
+            palp_friction_solve(&k->friction, &coupling->work, contact, t, rest,
+                                k->stiffness_N_per_m);
             rest =
                 palp_madd(rest, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
         }

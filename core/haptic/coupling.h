@@ -59,6 +59,7 @@ typedef struct {
     palp_coupling_tool tool[PALP_CONTACT_TOOLS];
     palp_vec3 next_m[PALP_CONTACT_TOOLS]; /* devices in the tick under way */
     uint32_t settling; /* answers that the contact still takes to settle on another level */
+    palp_friction_work work;
 } palp_coupling;
 
 typedef struct {

@@ -16,6 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+static palp_friction_work work;
+
 typedef struct {
     palp_contact *contact;
     palp_tool *tool;
@@ -50,7 +52,7 @@ static double hold(pressed *p, double depth, double x_m) {
     const palp_contact_spring held = {.held_m = at};
     palp_contact_solve(p->contact, &at, &held);
     at.x += (float)x_m;
-    palp_friction_solve(&p->friction, p->contact, 0, at, 0);
+    palp_friction_solve(&p->friction, &work, p->contact, 0, at, 0);
     palp_friction_settle(&p->friction, at);
     return -(double)p->friction.force_N.x / (double)(p->tool->friction * p->contact->normal_N[0]);
 }
@@ -454,7 +456,7 @@ static palp_vec3 move_in_groove(pressed *p, double x, double y, double down) {
                           p->top.z - radius * (float)down};
     const palp_contact_spring held = {.held_m = at};
     palp_contact_solve(p->contact, &at, &held);
-    palp_friction_solve(&p->friction, p->contact, 0, at, 0);
+    palp_friction_solve(&p->friction, &work, p->contact, 0, at, 0);
     palp_friction_settle(&p->friction, at);
     return palp_scale(1 / (p->tool->friction * p->friction.normal_N), p->friction.force_N);
 }

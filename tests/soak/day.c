@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A day of work in virtual time: HOURS (24) at 1 kHz, minute by minute. In each a hand comes, goes
+ * along a random path through the body, rests on it, and leaves; in four minutes of five something
+ * goes wrong meanwhile. The servo is never opened anew.
+ *
+ *   - forces and torques are finite and within limits, in every tick
+ *   - every counter that moves is explained by what went wrong in that minute
+ *   - the hand is given at most 1 mJ in a touch, or the device damps
+ *   - the force at rest has no line above 0.01 N from 20 to 500 Hz
+ *   - a reset brings it back to RUN, every time
+ */
+#include "sim/report.h"
+#include "sim/rig.h"
+#include "sim/spectrum.h"
+#include "tests/tap.h"
+#include "tools/commands.h"
+#include "tools/util.h"
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MINUTE_S 60.0
+#define RATE_HZ 1000
+#define REST_S 3.0 /* on the body; the last second of it is listened to */
+#define LISTENED 1000
+#define BUZZ_N 0.01
+#define GIVEN_J 1e-3
+
+typedef struct {
+    const char *name;
+    size_t offset;
+} counter;
+#define COUNTER(x)                                                                                 \
+    { #x, offsetof(palp_counters, x) }
+static const counter counters[] = {COUNTER(rejected),    COUNTER(corrupt),   COUNTER(repeated),
+                                   COUNTER(gaps),        COUNTER(late),      COUNTER(frozen),
+                                   COUNTER(implausible), COUNTER(braked),    COUNTER(overruns),
+                                   COUNTER(tardy),       COUNTER(skipped),   COUNTER(bus_faults),
+                                   COUNTER(outside),     COUNTER(overflows), COUNTER(bus_warnings),
+                                   COUNTER(held),        COUNTER(shortened), COUNTER(limited)};
+#define COUNTERS (sizeof counters / sizeof counters[0])
+
+/* What may go wrong, with the time of onset, and the counters that it explains. */
+typedef struct {
+    const char *list, *explains;
+} trouble;
+static const trouble troubles[] = {
+    {"loss@%.3f+0.005", "late"},
+    {"loss@%.3f+2=0.05", "late"},
+    {"loss@%.3f+0.05", "late"},
+    {"delay@%.3f+0.05=0.0009", "late repeated"},
+    {"delay@%.3f+0.2=0.02", "late repeated braked"},
+    {"duplicate@%.3f+0.5", "repeated"},
+    {"reorder@%.3f+0.5", "repeated late"},
+    {"corrupt@%.3f+0.1=0.3", "rejected corrupt implausible late repeated outside limited"},
+    {"stuck@%.3f+1", "frozen late repeated implausible braked limited"},
+    {"jump@%.3f+0.1", "implausible late"},
+    {"glitch@%.3f+0.5", "implausible late"},
+    {"nan@%.3f+0.1", "implausible late"},
+    {"drive@%.3f+0.3", "late"},
+    {"busoff@%.3f+0.05", "bus_faults late"},
+    {"enobufs@%.3f+0.005", "bus_faults late"},
+    {"overrun@%.3f=1", "skipped repeated late tardy braked"},
+    {"overrun@%.3f=3", "skipped repeated late tardy braked"},
+    {"overrun@%.3f=10", "skipped repeated late tardy braked"},
+    {"overrun@%.3f=40", "skipped repeated late tardy braked"}};
+#define TROUBLES (sizeof troubles / sizeof troubles[0])
+
+typedef struct {
+    char list[256];      /* of faults */
+    char explains[1024]; /* names of counters */
+} plan;
+
+/* Up to three troubles between two times; none in one minute of five. */
+static plan make_plan(uint64_t minute, uint64_t *dice, double from, double to) {
+    plan p = {.list = ""};
+    if (minute % 5 == 0) return p;
+    const int count = 1 + (int)(3 * fabs(tap_random(dice)));
+    for (int i = 0; i < count && i < 3; i++) {
+        const trouble *t =
+            &troubles[(size_t)((double)TROUBLES * fabs(tap_random(dice))) % TROUBLES];
+        char one[64];
+        snprintf(one, sizeof one, t->list, from + (to - from) * fabs(tap_random(dice)));
+        snprintf(p.list + strlen(p.list), sizeof p.list - strlen(p.list), "%s%s", i > 0 ? "," : "",
+                 one);
+        snprintf(p.explains + strlen(p.explains), sizeof p.explains - strlen(p.explains), " %s",
+                 t->explains);
+    }
+    return p;
+}
+
+/* A servo that is new or was reset looks for its tool among all nodes first. */
+static uint64_t looks(const palp_blob *blob, uint64_t begun) {
+    return begun * ((blob->meta->nodes + PALP_COUPLING_LOOKS - 1u) / PALP_COUPLING_LOOKS);
+}
+
+static bool explains(const plan *p, const char *name) {
+    const size_t n = strlen(name);
+    for (const char *at = p->explains; (at = strstr(at, name)) != NULL; at += n) {
+        if (at[-1] == ' ' && (at[n] == ' ' || at[n] == '\0')) return true;
+    }
+    return false;
+}
+
+/* A hand that comes, wanders, rests, and leaves. *rest_s: when it begins to rest. */
+#define KEYS 16
+static void make_keys(hand_key keys[KEYS], uint64_t *dice, double begin, double radius,
+                      double *rest_s) {
+    const double away = 0.5 * radius;
+    double t = begin;
+    keys[0] = (hand_key){t, {0, 0, away}};
+    for (int i = 1; i < KEYS - 4; i++) {
+        t += 0.2 + 0.5 * fabs(tap_random(dice));
+        keys[i] = (hand_key){t,
+                             {0.25 * radius * tap_random(dice), 0.25 * radius * tap_random(dice),
+                              radius * (0.15 * tap_random(dice) - 0.05)}};
+    }
+    keys[KEYS - 4] = (hand_key){t + 0.5, {0, 0, -0.1 * radius}};
+    keys[KEYS - 3] = (hand_key){t + 0.5 + REST_S, {0, 0, -0.1 * radius}};
+    keys[KEYS - 2] = (hand_key){t + 1 + REST_S, {0, 0, away}};
+    keys[KEYS - 1] = (hand_key){begin + 2 * MINUTE_S, {0, 0, away}};
+    *rest_s = t + 0.5;
+}
+
+typedef struct {
+    uint64_t minutes, troubled, unexplained, unsound, resets, stuck, damped, buzzing, touches;
+    double given_J, most_J, largest_N, buzz_N;
+    char first[512]; /* of what was wrong */
+} day;
+
+static void note(day *d, const char *what, uint64_t minute, const plan *p, double value) {
+    if (d->first[0] != '\0') return;
+    snprintf(d->first, sizeof d->first, "; first: %s (%g) in minute %llu of '%s'", what, value,
+             (unsigned long long)minute, p->list);
+}
+
+static uint64_t value_of(const palp_counters *c, size_t offset) {
+    uint64_t v;
+    memcpy(&v, (const char *)c + offset, sizeof v);
+    return v;
+}
+
+/* Energy of the mechanism's own books, touch by touch. */
+typedef struct {
+    double zero_J, most_J;
+    int without;
+    bool touching;
+} books;
+
+static void keep_books(books *b, const rig *r, double before_J, day *d) {
+    const bool forced = palp_norm(r->report.force_N) > 0;
+    b->without = forced ? 0 : b->without + 1;
+    if (forced && !b->touching) {
+        *b = (books){.zero_J = before_J, .touching = true};
+        d->touches++;
+    }
+    if (b->touching) b->most_J = fmax(b->most_J, r->bus.device.given_J - b->zero_J);
+    if (b->touching && b->without > 6) b->touching = false;
+}
+
+static bool is_sound(const rig *r) {
+    const palp_device *d = &r->file.device;
+    bool good = palp_vec3_is_finite(r->report.force_N) &&
+                palp_norm(r->report.force_N) <= d->force_max_N * 1.0001f;
+    for (int k = 0; k < 3; k++)
+        good = good && fabsf(r->report.motor_torque_Nm[k]) <= d->drives.torque_max_Nm * 1.0001f;
+    return good;
+}
+
+static void live_a_minute(rig *r, const palp_blob *blob, day *d, uint64_t minute, uint64_t *dice) {
+    static double force_N[LISTENED];
+    hand_key keys[KEYS];
+    const double begin = r->bus.time_s, radius = (double)r->file.device.workspace_radius_m;
+    double rest_s;
+    make_keys(keys, dice, begin + 0.5, radius, &rest_s);
+    const plan p = make_plan(minute, dice, begin + 1, rest_s - 0.5);
+    r->bus.faults = p.list[0] != '\0' ? faults_read(p.list, minute) : (fault_list){.seed = minute};
+    rig_lead(r, keys, KEYS, 800, 10);
+    r->bus.script.tremor_m = 2e-5; /* encoders that stand still are taken for broken ones */
+    const palp_counters before = *palp_servo_counters(r->servo);
+    books b = {.touching = false};
+    uint32_t listened = 0;
+    bool damped = false, sound = true;
+    while (r->bus.time_s < begin + MINUTE_S) {
+        const double before_J = r->bus.device.given_J;
+        rig_tick(r);
+        sound = sound && is_sound(r);
+        keep_books(&b, r, before_J, d);
+        damped = damped || r->report.state != PALP_STATE_RUN;
+        if (r->report.state != PALP_STATE_RUN && r->bus.time_s > rest_s + REST_S + 1)
+            r->more_events = PALP_EVENT_RESET;
+        if (r->bus.time_s > rest_s + REST_S - 1.1 && listened < LISTENED)
+            force_N[listened++] = (double)palp_norm(r->report.force_N);
+    }
+    const palp_counters *after = palp_servo_counters(r->servo);
+    d->minutes++;
+    d->troubled += p.list[0] != '\0';
+    d->damped += damped;
+    d->resets += after->resets - before.resets;
+    const uint64_t begun = after->resets - before.resets + (minute == 0 ? 1u : 0u);
+    for (size_t i = 0; i < COUNTERS; i++) {
+        uint64_t moved =
+            value_of(after, counters[i].offset) - value_of(&before, counters[i].offset);
+        if (counters[i].offset == offsetof(palp_counters, held) && moved <= looks(blob, begun))
+            moved = 0;
+        if (moved == 0 || explains(&p, counters[i].name)) continue;
+        d->unexplained++;
+        note(d, counters[i].name, minute, &p, (double)moved);
+    }
+    if (!sound) d->unsound++, note(d, "out of limits", minute, &p, 0);
+    if (r->report.state != PALP_STATE_RUN) d->stuck++, note(d, "not in RUN again", minute, &p, 0);
+    d->most_J = fmax(d->most_J, b.most_J);
+    if (!damped) d->given_J = fmax(d->given_J, b.most_J);
+    if (b.most_J > 1.1 * GIVEN_J) note(d, "energy given, J", minute, &p, b.most_J);
+    const double line = damped ? 0 : spectrum_largest(force_N, LISTENED, RATE_HZ, 20, 500);
+    d->buzz_N = fmax(d->buzz_N, line);
+    if (line > BUZZ_N) d->buzzing++, note(d, "a line of the force at rest, N", minute, &p, line);
+}
+
+int main(int argc, char **argv) {
+    if (argc < 2) {
+        fprintf(stderr, "usage: day BLOB [HOURS [DEVICE]]\n");
+        return EXIT_USAGE;
+    }
+    program_name = "day";
+    double hours = 24;
+    if (argc > 2 && (!parse_double(argv[2], &hours) || !(hours > 0)))
+        die(EXIT_USAGE, "'%s' is no number of hours", argv[2]);
+    const char *device = argc > 3 ? argv[3] : "arm3";
+    const palp_blob blob = load_blob(argv[1]);
+    rig r = {.file = device_load(device)};
+    r.file.device.drives.rate_hz = RATE_HZ;
+    palp_servo_config config = rig_config(&r, &blob);
+    config.cost.ns_per_instruction = 0.01f;
+    rig_open(&r, &blob, &config, "touch", NULL, 1);
+    day d = {.minutes = 0};
+    uint64_t dice = 20261129;
+    const uint64_t minutes = (uint64_t)ceil(60 * hours);
+    for (uint64_t m = 0; m < minutes; m++) {
+        live_a_minute(&r, &blob, &d, m, &dice);
+        if (m % 60 == 59) {
+            printf("# hour %llu\n", (unsigned long long)(m / 60 + 1));
+            fflush(stdout);
+        }
+    }
+    const unsigned long long all = d.minutes;
+    CHECK(d.unsound == 0,
+          "%s, %llu minutes, %llu with faults, %llu touches: out of limits in %llu%s", device, all,
+          (unsigned long long)d.troubled, (unsigned long long)d.touches,
+          (unsigned long long)d.unsound, d.first);
+    CHECK(d.unexplained == 0, "counters that nothing explains: %llu",
+          (unsigned long long)d.unexplained);
+    CHECK(d.buzzing == 0, "force at rest: largest line %.4f N from 20 to 500 Hz", d.buzz_N);
+    CHECK(d.given_J <= GIVEN_J, "energy given in a touch: at most %.3g mJ", 1e3 * d.given_J);
+    CHECK(d.most_J <= 1.1 * GIVEN_J, "and where the device damped (%llu minutes): %.3g mJ",
+          (unsigned long long)d.damped, 1e3 * d.most_J);
+    CHECK(d.stuck == 0, "in RUN again after every fault (%llu resets)",
+          (unsigned long long)d.resets);
+    rig_stop(&r);
+    return tap_done();
+}
