@@ -13,20 +13,50 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--like", 1},         {"--kinematics", 1},  {"--upper", 1},         {"--fore", 1},
-    {"--base", 1},         {"--gear", -3},       {"--counts", 1},        {"--protocol", 1},
-    {"--fd", 1},           {"--node", -3},       {"--bitrate", 1},       {"--data-bitrate", 1},
-    {"--rated-torque", 1}, {"--mit-range", 3},   {"--master-id", 1},     {"--watchdog", 1},
-    {"--torque-lag", 1},   {"--joint-zero", -3}, {"--joint-min", -3},    {"--joint-max", -3},
-    {"--torque-max", 1},   {"--force-max", 1},   {"--slew-max", 1},      {"--speed-max", 1},
-    {"--workspace", 1},    {"--tool", 1},        {"--stiffness-max", 1}, {"--damping-max", 1},
-    {"--mass", 1},         {"--damping", 1},     {"--friction", 1},      {"--weight", 1},
-    {"--lift", 3},         {"--coulomb", -3},    {"--viscous", -3},      {NULL, 0},
+    {"--like", 1},
+    {"--kinematics", 1},
+    {"--upper", 1},
+    {"--fore", 1},
+    {"--base", 1},
+    {"--gear", -3},
+    {"--counts", 1},
+    {"--protocol", 1},
+    {"--fd", 1},
+    {"--node", -3},
+    {"--bitrate", 1},
+    {"--data-bitrate", 1},
+    {"--rated-torque", 1},
+    {"--mit-range", 3},
+    {"--master-id", 1},
+    {"--watchdog", 1},
+    {"--torque-lag", 1},
+    {"--joint-zero", -3},
+    {"--homing", 1},
+    {"--joint-home", -3},
+    {"--joint-min", -3},
+    {"--joint-max", -3},
+    {"--torque-max", 1},
+    {"--force-max", 1},
+    {"--slew-max", 1},
+    {"--speed-max", 1},
+    {"--workspace", 1},
+    {"--tool", 1},
+    {"--stiffness-max", 1},
+    {"--damping-max", 1},
+    {"--mass", 1},
+    {"--damping", 1},
+    {"--friction", 1},
+    {"--weight", 1},
+    {"--lift", 3},
+    {"--coulomb", -3},
+    {"--viscous", -3},
+    {NULL, 0},
 };
 #define MAX_LIKES 8
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
 
 static const char *const mechanisms[] = {PALP_MECHANISM_NAMES, NULL};
+static const char *const homings[] = {"none", "pose", NULL};
 static const char *const protocols[] = {PALP_PROTOCOL_NAMES, NULL};
 
 typedef struct {
@@ -84,6 +114,7 @@ static bool set_axes(palp_device *p, const argument *a) {
         float *value, unit;
     } axes[] = {{"--gear", p->gear, 1},
                 {"--joint-zero", p->joint_zero_rad, degree},
+                {"--joint-home", p->joint_home_rad, degree},
                 {"--joint-min", p->joint_min_rad, degree},
                 {"--joint-max", p->joint_max_rad, degree},
                 {"--coulomb", p->compensation.coulomb_Nm, 1},
@@ -124,6 +155,8 @@ static void set_key(void *context, const argument *a) {
         p->kinematics.mechanism = (palp_mechanism)arg_word(a, mechanisms);
     } else if (strcmp(o, "--protocol") == 0) {
         p->drives.protocol = (palp_protocol)arg_word(a, protocols);
+    } else if (strcmp(o, "--homing") == 0) {
+        p->homes = arg_word(a, homings) == 1;
     } else if (strcmp(o, "--fd") == 0) {
         p->drives.fd = arg_u32(a, 0, 0, 1) == 1;
     } else if (strcmp(o, "--master-id") == 0) {
@@ -169,6 +202,11 @@ static void check(const reading *r, const char *name) {
         need(r, name, "mit-range", ": MIT mode does not tell its ranges");
         need(r, name, "master-id", ": the id of the motors' answers");
     }
+    if (p->homes && seen(r, "joint-zero"))
+        die(EXIT_USAGE,
+            "%s: 'homing pose' finds what 'joint-zero' says: name one of them; with homing the "
+            "pose is 'joint-home'",
+            name);
     if (p->drives.fd) need(r, name, "data-bitrate", ": the second rate of CAN FD");
     for (size_t i = 0; i < KEYS; i++) {
         int axes = (int)palp_axes(&p->kinematics);
@@ -180,6 +218,10 @@ static void check(const reading *r, const char *name) {
         if (!(fabsf(p->joint_zero_rad[i]) <= 6.2832f))
             die(EXIT_USAGE, "%s: joint-zero of axis %u is %g degrees: need -360 to 360", name,
                 i + 1, (double)(p->joint_zero_rad[i] * 57.29578f));
+        if (p->homes && !(p->joint_home_rad[i] >= p->joint_min_rad[i] &&
+                          p->joint_home_rad[i] <= p->joint_max_rad[i]))
+            die(EXIT_USAGE, "%s: joint-home of axis %u lies outside joint-min and joint-max", name,
+                i + 1);
         if (!(p->joint_min_rad[i] < p->joint_max_rad[i]))
             die(EXIT_USAGE, "%s: joint-min of axis %u is not below joint-max", name, i);
         if (!(p->gear[i] > 0.0f || p->gear[i] < 0.0f))

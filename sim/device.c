@@ -14,7 +14,7 @@ static bool joints_at(const sim_device *d, const double x_m[3], float q_rad[PALP
 
 static double motor_turns(const sim_device *d, uint32_t i) {
     const palp_device *p = &d->file->device;
-    return ((double)d->q_rad[i] - (double)p->joint_zero_rad[i]) * (double)p->gear[i] / RAD_PER_REV;
+    return ((double)d->q_rad[i] - (double)d->zero_rad[i]) * (double)p->gear[i] / RAD_PER_REV;
 }
 
 void sim_device_init(sim_device *d, const device_file *file, const double x_m[3]) {
@@ -23,6 +23,7 @@ void sim_device_init(sim_device *d, const device_file *file, const double x_m[3]
     memcpy(d->x_m, x_m, sizeof d->x_m);
     (void)joints_at(d, d->x_m, d->q_rad);
     for (uint32_t i = 0; i < d->axes; i++) {
+        d->zero_rad[i] = p->homes ? d->q_rad[i] : p->joint_zero_rad[i]; /* switched on here */
         sim_drive_init(&d->drive[i], &p->drives, p->node_id[i]);
         sim_drive_read(&d->drive[i], motor_turns(d, i), 0);
     }

@@ -32,7 +32,8 @@ void device_check_load(const device_file *d, char *text, size_t size);
 typedef struct {
     const device_file *file;
     double x_m[3], v_m_s[3];
-    float q_rad[PALP_AXES]; /* of the last inverse kinematics */
+    float q_rad[PALP_AXES];    /* of the last inverse kinematics */
+    float zero_rad[PALP_AXES]; /* where the drives read 0 */
     sim_drive drive[PALP_AXES];
     uint32_t axes;
     double time_s, last_s;

@@ -310,7 +310,7 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
         for (uint32_t i = 0; i < n; i++) t->clock_ns[at + i] = palp_get_u32(frame.data + 4 * i);
     }
     if (!take(r, ID_RESULT, 56, &frame)) return false;
-    if (frame.data[8] > PALP_STATE_ESTOP || frame.data[9] >= PALP_CONTACT_LEVELS)
+    if (frame.data[8] > PALP_STATE_HOMING || frame.data[9] >= PALP_CONTACT_LEVELS)
         die(EXIT_WORK, "%s:%zu: damaged: state or level out of range", r->path, r->line);
     t->digest = get_u64(frame.data);
     t->report.state = (palp_state)frame.data[8];

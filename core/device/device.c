@@ -22,7 +22,9 @@ bool palp_device_is_sound(const palp_device *d) {
     for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++) {
         sound = sound && palp_abs(d->gear[i]) > 0.0f && palp_is_finite(d->gear[i]) &&
                 d->node_id[i] <= most && d->joint_min_rad[i] < d->joint_max_rad[i] &&
-                palp_is_finite(d->joint_zero_rad[i]);
+                palp_is_finite(d->joint_zero_rad[i]) && palp_is_finite(d->joint_home_rad[i]) &&
+                (!d->homes || (d->joint_home_rad[i] >= d->joint_min_rad[i] &&
+                               d->joint_home_rad[i] <= d->joint_max_rad[i]));
         bool zero_is_taken = d->drives.protocol == PALP_PROTOCOL_CIA402 ||
                              d->drives.protocol == PALP_PROTOCOL_MOTEUS;
         sound = sound && (d->node_id[i] > 0u || !zero_is_taken);

@@ -22,6 +22,8 @@ typedef struct {
     uint8_t node_id[PALP_AXES];      /* drive of each joint */
     float gear[PALP_AXES];           /* motor revolutions per joint revolution, sign = direction */
     float joint_zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
+    bool homes; /* drives read 0 where they were switched on: joint_zero_rad is found by homing */
+    float joint_home_rad[PALP_AXES]; /* angles at which the mechanism is held meanwhile */
     float joint_min_rad[PALP_AXES], joint_max_rad[PALP_AXES];
     float force_max_N, slew_max_N_per_s, speed_max_m_s;
     float workspace_radius_m, tool_radius_m;

@@ -4,6 +4,7 @@
 #define RAD_PER_REV 6.28318530718f
 #define BAD_BEFORE_RESTART 3u
 #define TREMOR_M 1e-4f
+#define UNLIMITED_RAD 1e6f
 #define FROZEN_TORQUE 0.005f /* share of the motor's limit above which a hand would move */
 
 /* What a reading of a motor's angle is rounded to: the encoder's step, or the wire's. */
@@ -14,20 +15,47 @@ static float reading_step(const palp_device *device) {
     return palp_max(encoder, wire);
 }
 
+/* Where a joint's angles count from; what it was believed to be before is forgotten. */
+static void set_zero(palp_device_axes *axes, const palp_device *device, uint32_t i,
+                     float zero_rad) {
+    palp_joint_limits *l = &axes->limits[i];
+    l->min_rad = device->joint_min_rad[i];
+    l->max_rad = device->joint_max_rad[i];
+    l->zero_rad = axes->zero_rad[i] = zero_rad;
+    axes->joint[i] = (palp_joint){.age = 0};
+}
+
 void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
     *axes = (palp_device_axes){.count = palp_axes(&device->kinematics)};
     for (uint32_t i = 0; i < axes->count; i++) {
         axes->drive[i].node = device->node_id[i];
         axes->limits[i] =
-            (palp_joint_limits){.min_rad = device->joint_min_rad[i],
-                                .max_rad = device->joint_max_rad[i],
-                                .speed_max_rad_s = palp_device_joint_speed(device),
-                                .step_rad = reading_step(device) / palp_abs(device->gear[i]),
-                                .zero_rad = device->joint_zero_rad[i]};
+            (palp_joint_limits){.speed_max_rad_s = palp_device_joint_speed(device),
+                                .step_rad = reading_step(device) / palp_abs(device->gear[i])};
+        set_zero(axes, device, i, device->joint_zero_rad[i]);
     }
+    axes->homed = true;
     float reach = device->kinematics.upper_m + device->kinematics.fore_m;
     axes->fine = reach * axes->limits[0].step_rad < TREMOR_M;
     palp_axes_forget(axes);
+    palp_axes_unhome(axes, device);
+}
+
+void palp_axes_home(palp_device_axes *axes, const palp_device *device) {
+    if (axes->homed) return;
+    for (uint32_t i = 0; i < axes->count; i++)
+        set_zero(axes, device, i, device->joint_home_rad[i] - axes->joint[i].q_rad);
+    axes->homed = true;
+}
+
+void palp_axes_unhome(palp_device_axes *axes, const palp_device *device) {
+    if (!device->homes) return;
+    for (uint32_t i = 0; i < axes->count; i++) {
+        set_zero(axes, device, i, 0.0f);
+        axes->limits[i].min_rad = -UNLIMITED_RAD;
+        axes->limits[i].max_rad = UNLIMITED_RAD;
+    }
+    axes->homed = false;
 }
 
 void palp_axes_forget(palp_device_axes *axes) {
@@ -41,8 +69,7 @@ void palp_axes_forget(palp_device_axes *axes) {
 static void take_estimate(palp_device_axes *axes, const palp_device *device, uint32_t i,
                           bool strict, palp_counters *counters) {
     palp_joint *j = &axes->joint[i];
-    float q =
-        axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV + device->joint_zero_rad[i];
+    float q = axes->drive[i].position_rev / device->gear[i] * RAD_PER_REV + axes->zero_rad[i];
     const float last = j->q_rad;
     const bool second = j->known && j->age == 0u;
     const palp_reading reading =
@@ -98,7 +125,8 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
 }
 
 palp_axes_health palp_axes_look(const palp_device_axes *axes) {
-    palp_axes_health h = {.heard = true, .configured = true, .well = true, .enabled = true};
+    palp_axes_health h = {
+        .heard = true, .configured = true, .well = true, .enabled = true, .homed = axes->homed};
     for (uint32_t i = 0; i < axes->count; i++) {
         const palp_drive *d = &axes->drive[i];
         const palp_joint *j = &axes->joint[i];

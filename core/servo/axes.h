@@ -19,14 +19,16 @@ typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];
     palp_joint_limits limits[PALP_AXES];
-    float push_Nm[PALP_AXES]; /* motor torques of the touch alone, of the last tick */
+    float push_Nm[PALP_AXES];  /* motor torques of the touch alone, of the last tick */
+    float zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
     uint32_t count;
-    bool fine; /* encoders see a hand's tremor, so that one that stands still is broken */
+    bool homed; /* it is known; else joints count from 0, and no reading is out of limits */
+    bool fine;  /* encoders see a hand's tremor, so that one that stands still is broken */
 } palp_device_axes;
 
 /* What the safety state machine wants to know about all axes together. */
 typedef struct {
-    bool heard, configured, unfit;
+    bool heard, configured, unfit, homed;
     bool well;           /* no drive reports an error */
     bool enabled;        /* all act on torque */
     uint32_t status_age; /* ticks, of the drive that was silent longest */
@@ -41,6 +43,11 @@ void palp_axes_init(palp_device_axes *axes, const palp_device *device);
 
 /* Forgets what the drives have said, to probe them anew. */
 void palp_axes_forget(palp_device_axes *axes);
+
+/* The joints stand at joint_home_rad now; and: they are no longer known to have stood there (does
+ * nothing for a device without homing). */
+void palp_axes_home(palp_device_axes *axes, const palp_device *device);
+void palp_axes_unhome(palp_device_axes *axes, const palp_device *device);
 
 /* The frames of a tick that comes `periods` after the last. `strict`: a joint that was believed is
  * held to; else readings that keep disagreeing with it are taken as new. Cost: per frame and axis,

@@ -54,9 +54,12 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
         break;
     case PALP_STATE_CONFIG_CHECK:
         if (a->configured && steady)
-            enter(s, PALP_STATE_READY);
+            enter(s, a->homed ? PALP_STATE_READY : PALP_STATE_HOMING);
         else if (a->unfit || impatient)
             s->faults |= PALP_FAULT_CONFIG;
+        break;
+    case PALP_STATE_HOMING:
+        if (!a->configured || a->homed) enter(s, PALP_STATE_CONFIG_CHECK);
         break;
     case PALP_STATE_READY:
         if (!a->configured)
@@ -75,11 +78,11 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
     }
 }
 
-bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
-                      const palp_axes_health *axes) {
+palp_safety_step palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
+                                  const palp_axes_health *axes) {
     palp_safety *s = safety;
     bool reset = (events & PALP_EVENT_RESET) != 0u && (events & PALP_EVENT_ESTOP) == 0u &&
-                 s->state >= PALP_STATE_DAMPING;
+                 palp_state_is_stopped(s->state);
     if (s->state_ticks < TICKS_LIMIT) s->state_ticks += periods;
     /* Not to have looked is as bad as not to have been told. */
     s->blind_ticks = axes->age > periods - 1u ? axes->age : periods - 1u;
@@ -87,14 +90,15 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
     s->tardy_history = (periods > 31u ? 0u : s->tardy_history << periods) |
                        ((events & PALP_EVENT_LATE) != 0u || periods > 1u ? 1u : 0u);
     if (reset) {
+        const bool lost = (s->faults & ~PALP_FAULTS_KEEP_HOME) != 0u;
         s->faults = 0;
         s->tardy_history = 0;
         enter(s, PALP_STATE_INIT);
-        return true;
+        return lost ? PALP_SAFETY_PROBE_UNHOME : PALP_SAFETY_PROBE;
     }
     if ((events & PALP_EVENT_ESTOP) != 0u) {
         if (s->state != PALP_STATE_ESTOP) enter(s, PALP_STATE_ESTOP);
-        return false;
+        return PALP_SAFETY_NOTHING;
     }
     s->faults |= bus_faults(s, events);
     if (s->faults == 0u) before_run(s, events, axes);
@@ -106,7 +110,9 @@ bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
         seconds(s, s->well_ticks) >= PALP_WELL_S)
         enter(s, PALP_STATE_RUN);
     palp_safety_latch(s, 0u);
-    return false;
+    const bool home = s->state == PALP_STATE_HOMING && (events & PALP_EVENT_HOME) != 0u &&
+                      axes->age == 0u && s->faults == 0u;
+    return home ? PALP_SAFETY_HOME : PALP_SAFETY_NOTHING;
 }
 
 void palp_safety_latch(palp_safety *safety, uint32_t faults) {
@@ -130,6 +136,7 @@ palp_demand palp_safety_demand(palp_state state) {
         return PALP_DEMAND_PROBE;
     case PALP_STATE_CONFIG_CHECK:
         return PALP_DEMAND_CONFIGURE;
+    case PALP_STATE_HOMING:
     case PALP_STATE_READY:
         return PALP_DEMAND_IDLE;
     case PALP_STATE_ENABLING:

@@ -5,6 +5,8 @@
  *   INIT          until every drive has been heard; no torque
  *   CONFIG_CHECK  drives are configured and read back, estimates must come in every period; no
  *                 torque
+ *   HOMING        zero torque, until the operator says that the mechanism stands at its home pose;
+ *                 only where drives do not know their zero (palp_device.homes)
  *   READY         zero torque, until the operator lets go of HOLD
  *   ENABLING      drives begin to act on torque, which is zero
  *   RUN           force, growing from zero in PALP_RAMP_S
@@ -15,7 +17,9 @@
  *   FAULT         latched: zero torque, drives idle; until a reset
  *   ESTOP         from any state while the operator's stop is pressed, then until a reset
  *
- * A reset goes back to INIT. This is software: it is no substitute for a hardware stop.
+ * A reset goes back to INIT, and through HOMING again after a fault in which a drive may have lost
+ * its zero: all but those of PALP_FAULTS_KEEP_HOME. This is software: it is no substitute for a
+ * hardware stop.
  */
 #ifndef PALP_SERVO_SAFETY_H
 #define PALP_SERVO_SAFETY_H
@@ -30,10 +34,16 @@ typedef enum {
     PALP_STATE_RUN,
     PALP_STATE_DAMPING,
     PALP_STATE_FAULT,
-    PALP_STATE_ESTOP
+    PALP_STATE_ESTOP,
+    PALP_STATE_HOMING /* last, since logs hold these numbers */
 } palp_state;
 #define PALP_STATE_NAMES                                                                           \
-    "INIT", "CONFIG_CHECK", "READY", "ENABLING", "RUN", "DAMPING", "FAULT", "ESTOP"
+    "INIT", "CONFIG_CHECK", "READY", "ENABLING", "RUN", "DAMPING", "FAULT", "ESTOP", "HOMING"
+
+/* Whether it stays so until a reset. */
+static inline bool palp_state_is_stopped(palp_state state) {
+    return state == PALP_STATE_DAMPING || state == PALP_STATE_FAULT || state == PALP_STATE_ESTOP;
+}
 
 #define PALP_FAULT_DRIVE 1u      /* a drive reports an error or has left its loop */
 #define PALP_FAULT_LOST 2u       /* no encoder value for PALP_LOST_S */
@@ -49,6 +59,8 @@ typedef enum {
     "drive lost-encoder bad-input bad-output heartbeat bus config enable frozen-encoder "          \
     "energy-given" /* in the order of the bits */
 
+#define PALP_FAULTS_KEEP_HOME (PALP_FAULT_OUTPUT | PALP_FAULT_ENERGY)
+
 /* What enters a tick besides frames. */
 #define PALP_EVENT_LATE 1u         /* began more than half a period late */
 #define PALP_EVENT_BUS_OFF 2u      /* the controller has gone bus-off */
@@ -59,6 +71,7 @@ typedef enum {
 #define PALP_EVENT_ESTOP 64u       /* held while the operator's stop is pressed */
 #define PALP_EVENT_RESET 128u      /* the operator lets it start again */
 #define PALP_EVENT_HOLD 256u       /* held while the operator does not want force */
+#define PALP_EVENT_HOME 512u       /* the mechanism stands at its home pose (in HOMING) */
 
 #define PALP_RAMP_S 0.2f     /* from RUN to full force */
 #define PALP_LATE_S 0.005f   /* encoder age beyond which DAMPING begins */
@@ -91,10 +104,17 @@ typedef struct {
 
 void palp_safety_init(palp_safety *safety, float dt_s, float heartbeat_s, bool resume);
 
-/* One tick: events (PALP_EVENT_ bits) and the axes as they are after the frames were taken; returns
- * true when the drives must be probed anew (a reset). */
-bool palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
-                      const palp_axes_health *axes);
+/* What a tick asks of the axes. */
+typedef enum {
+    PALP_SAFETY_NOTHING,
+    PALP_SAFETY_PROBE,        /* drives anew (a reset) */
+    PALP_SAFETY_PROBE_UNHOME, /* the same, and their zero is not known any more */
+    PALP_SAFETY_HOME          /* they stand at the home pose */
+} palp_safety_step;
+
+/* One tick: events (PALP_EVENT_ bits) and the axes as they are after the frames were taken. */
+palp_safety_step palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
+                                  const palp_axes_health *axes);
 
 /* Latches faults found later in the tick. */
 void palp_safety_latch(palp_safety *safety, uint32_t faults);

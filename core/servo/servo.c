@@ -124,6 +124,14 @@ static void count_events(palp_counters *c, uint32_t events) {
     c->overflows += (events & PALP_EVENT_OVERFLOW) != 0u ? 1u : 0u;
 }
 
+static void follow_safety(palp_servo *s, palp_safety_step step) {
+    if (step == PALP_SAFETY_HOME) palp_axes_home(&s->axes, &s->config.device);
+    if (step == PALP_SAFETY_NOTHING || step == PALP_SAFETY_HOME) return;
+    s->counters.resets++;
+    palp_axes_forget(&s->axes);
+    if (step == PALP_SAFETY_PROBE_UNHOME) palp_axes_unhome(&s->axes, &s->config.device);
+}
+
 /* Frames in, and what they mean for the state. */
 static void take_in(palp_servo *s, const palp_tick_input *in) {
     palp_state before = s->safety.state;
@@ -136,10 +144,7 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
                    &s->counters);
     s->health = palp_axes_look(&s->axes);
     if ((float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
-    if (palp_safety_tick(&s->safety, in->events, periods, &s->health)) {
-        s->counters.resets++;
-        palp_axes_forget(&s->axes);
-    }
+    follow_safety(s, palp_safety_tick(&s->safety, in->events, periods, &s->health));
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
         palp_answer_reset(&s->answer);
         s->output = (palp_output){.last_N = {0.0f, 0.0f, 0.0f}};

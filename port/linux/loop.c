@@ -91,7 +91,8 @@ static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
     }
     uint32_t pressed = atomic_exchange(&l->operator_events, 0);
     if ((pressed & PALP_EVENT_RESET) != 0) l->hold = false;
-    t->events |= l->port.events | pressed | (l->hold ? PALP_EVENT_HOLD : 0);
+    t->events |= l->port.events | pressed | (l->hold ? PALP_EVENT_HOLD : 0) |
+                 (l->home ? PALP_EVENT_HOME : 0);
     l->port.events = 0;
 }
 

@@ -42,6 +42,7 @@ typedef struct {
     bool paced;    /* wait for the clock; else as fast as it goes, dropping nothing */
     bool lockstep; /* no clock at all */
     bool hold;     /* stay in READY until the operator's first reset */
+    bool home;     /* the mechanism stands at its home pose at the start */
     ring ring;     /* of tick_record */
     _Atomic uint32_t operator_events; /* RESET and ESTOP, set by anybody, used once */
     _Atomic bool stop, finished;

@@ -39,6 +39,8 @@ static const char help[] =
     "                      while it slides\n"
     "  --resume            leave DAMPING without an operator when all is well again\n"
     "  --hold              no force until the operator's first SIGUSR1\n"
+    "  --home              the mechanism stands at its home pose: drives that do not know their\n"
+    "                      zero (homing pose) are homed without the operator's SIGUSR1\n"
     "  --log FILE          everything that enters and leaves each tick, in candump format\n"
     "  --report FILE.html  a page with force, latency and energy\n"
     "  --view FILE.svg     the body at the largest force\n"
@@ -62,16 +64,17 @@ static const char help[] =
     "  --lockstep          take turns with the device and do not look at the clock: for "
     "comparisons\n"
     "\n"
-    "SIGUSR1 is the operator's reset, SIGUSR2 the stop. Exit 0 only when the run reached its "
+    "SIGUSR1 is the operator's reset, and says in HOMING that the mechanism stands at its home "
+    "pose;\nSIGUSR2 is the stop. Exit 0 only when the run reached its "
     "working "
     "state and\nno fault is latched.\n";
 
 static const option options[] = {
-    {"--bus", 1},    {"--device", 1},   {"--rate", 1},      {"--seconds", 1}, {"--hand", 1},
-    {"--touch", 1},  {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},     {"--priority", 1},
-    {"--log", 1},    {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},    {"--dds", 0},
-    {"--resume", 0}, {"--hold", 0},     {"--fault", 1},     {"--seed", 1},    {"--lockstep", 0},
-    {"--target", 1}, {NULL, 0}};
+    {"--bus", 1},      {"--device", 1},   {"--rate", 1},      {"--seconds", 1}, {"--hand", 1},
+    {"--touch", 1},    {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},     {"--priority", 1},
+    {"--log", 1},      {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},    {"--dds", 0},
+    {"--resume", 0},   {"--hold", 0},     {"--home", 0},      {"--fault", 1},   {"--seed", 1},
+    {"--lockstep", 0}, {"--target", 1},   {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
@@ -85,7 +88,7 @@ typedef struct {
     double rate_hz, seconds, friction, sliding;
     uint32_t touch, seed;
     realtime_spec realtime;
-    bool no_wait, resume, hold, lockstep, dds;
+    bool no_wait, resume, hold, home, lockstep, dds;
 } daemon_spec;
 
 static volatile sig_atomic_t interrupted;
@@ -97,7 +100,7 @@ static void on_interrupt(int number) {
 }
 
 static void on_operator(int number) {
-    uint32_t event = number == SIGUSR1 ? PALP_EVENT_RESET : PALP_EVENT_ESTOP;
+    uint32_t event = number == SIGUSR1 ? PALP_EVENT_RESET | PALP_EVENT_HOME : PALP_EVENT_ESTOP;
     if (running != NULL) atomic_fetch_or(&running->operator_events, event);
 }
 
@@ -128,9 +131,10 @@ static void set_option(void *context, const argument *a) {
     const struct {
         const char *name;
         bool *value;
-    } flag[] = {{"--no-wait", &s->no_wait},   {"--strict-rt", &s->realtime.strict},
-                {"--resume", &s->resume},     {"--hold", &s->hold},
-                {"--lockstep", &s->lockstep}, {"--dds", &s->dds}};
+    } flag[] = {{"--no-wait", &s->no_wait}, {"--strict-rt", &s->realtime.strict},
+                {"--resume", &s->resume},   {"--hold", &s->hold},
+                {"--home", &s->home},       {"--lockstep", &s->lockstep},
+                {"--dds", &s->dds}};
     if (o == NULL) {
         if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
         s->blob = a->value[0];
@@ -237,7 +241,12 @@ static void announce(follower *f, const palp_report *r) {
     char faults[128];
     report_faults(r->faults, faults, sizeof faults);
     bool quiet = f->loop->in_memory || f->spec->lockstep;
-    if (quiet && r->state < PALP_STATE_DAMPING) return;
+    if (r->state == PALP_STATE_HOMING && !f->spec->home) {
+        warn("HOMING: hold the mechanism at its home pose ('joint-home' of the device), then send "
+             "SIGUSR1");
+        return;
+    }
+    if (quiet && !palp_state_is_stopped(r->state)) return;
     if (r->state == PALP_STATE_INIT) {
         warn("waiting for heartbeats of nodes %d %d %d on %s", f->device->node_id[0],
              f->device->node_id[1], f->device->node_id[2], f->spec->bus);
@@ -448,6 +457,7 @@ int main(int argc, char **argv) {
     loop->ticks = (uint64_t)(s.seconds * s.rate_hz + 0.5);
     loop->lockstep = s.lockstep;
     loop->hold = s.hold;
+    loop->home = s.home;
     loop->paced = !s.no_wait && !s.lockstep;
     loop->ring.slots = RING_SLOTS;
     loop->ring.bytes = sizeof(tick_record);

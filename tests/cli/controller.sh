@@ -83,6 +83,16 @@ loop --device arm3 --lockstep --log plain.log >/dev/null 2>&1; loop --device tur
 $palp replay plain.log body.palp -o plain.csv >/dev/null; $palp replay turned.log body.palp -o turned.csv >/dev/null
 paste -d, plain.csv turned.csv | awk -F, 'NR>1 {d=$11-$24; d=d<0?-d:d; if (d>m) m=d; if ($11>f) f=$11} END {exit !(f>0.1 && m<0.02*f)}'
 ok $? "drives that read 0 elsewhere (joint-zero): the same force"
+try "name one of them" "homing pose
+joint-zero 1 2 3" "a zero beside homing"
+try "outside joint-min" "homing pose
+joint-home 0 0 400" "a home pose out of the joints' limits"
+dev "homing pose"; cp out.dev homes.dev
+printf '0 0 0 0\n1 0 0 0\n2 0 0 0.01\n3 0 0 -0.006\n5 0 0 -0.006\n' >from-home
+loop --device homes.dev --hand from-home --lockstep --seconds 4 --home >out.txt 2>&1; ok $? "drives without a zero, homed at the start: $(grep -m1 '^state' out.txt | tr -s ' ')"
+grep '^largest force' out.txt | awk '{exit !($3 > 0.1)}'; ok $? "and felt: $(grep '^largest force' out.txt | tr -s ' ')"
+loop --device homes.dev --hand from-home --lockstep --seconds 1 >out.txt 2>err.txt; code=$?
+[ $code -eq 1 ] && grep -q 'HOMING: hold the mechanism at its home pose' err.txt; ok $? "without --home it waits, and says for what: exit $code, $(head -1 err.txt)"
 try "joint-min of axis 1" "joint-min -80 120 -60" "crossed limits"
 printf 'force-max 3\nlike arm3\n' >bad.dev
 refuses 2 "must be the first key" "device: like after another key" loop --device bad.dev

@@ -209,7 +209,7 @@ static void test_fault(const specification *s, uint64_t *seed) {
         }
     }
     report_faults(seen_faults, states, sizeof states);
-    for (uint32_t i = 0; i <= PALP_STATE_ESTOP; i++) {
+    for (uint32_t i = 0; i <= PALP_STATE_HOMING; i++) {
         size_t used = strlen(states);
         if ((seen_states >> i & 1u) != 0)
             snprintf(states + used, sizeof states - used, " %s", report_state((palp_state)i));
@@ -361,7 +361,7 @@ static void test_soup(uint64_t seed) {
         for (int i = 0; i < 20000; i++) {
             rig_tick(&r);
             sound = sound && is_sound(&r);
-            if (r.report.state >= PALP_STATE_DAMPING && i % 100 == 0)
+            if (palp_state_is_stopped(r.report.state) && i % 100 == 0)
                 r.more_events = PALP_EVENT_RESET;
         }
         resets += palp_servo_counters(r.servo)->resets;

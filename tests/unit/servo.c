@@ -84,6 +84,60 @@ static void test_feed_forward(void) {
           arrived);
 }
 
+/* Drives that read 0 where they were switched on, held at the home pose until they are homed. */
+static bool home_at(rig *r, const hand_key *keys, uint32_t count) {
+    *r = (rig){.file = device_load("arm3")};
+    r->file.device.drives.rate_hz = 1000;
+    r->file.device.homes = true;
+    const palp_vec3 home = {(float)keys[0].x_m[0], (float)keys[0].x_m[1], (float)keys[0].x_m[2]};
+    if (!palp_inverse(&r->file.device.kinematics, home, r->file.device.joint_home_rad))
+        return false;
+    const palp_servo_config config = rig_config(r, &body.blob);
+    rig_open(r, &body.blob, &config, "touch", NULL, 1);
+    rig_lead(r, keys, count, 800, 10);
+    r->bus.script.tremor_m = 2e-5;
+    sim_device_init(&r->bus.device, &r->file, keys[0].x_m);
+    rig_run(r, 0.5);
+    return r->report.state == PALP_STATE_HOMING;
+}
+
+static void test_homing(void) {
+    static const hand_key keys[] = {{0, {0.01, -0.01, 0.02}},
+                                    {1, {0.01, -0.01, 0.02}},
+                                    {2, {0, 0, -0.006}},
+                                    {4, {0, 0, -0.006}}};
+    rig r, plain;
+    CHECK(home_at(&r, keys, 4), "drives without a zero: it waits in HOMING");
+    CHECK(r.largest_N <= 0 && palp_servo_counters(r.servo)->implausible == 0,
+          "without force, and no reading is out of limits");
+    r.more_events = PALP_EVENT_HOME;
+    rig_run(&r, 3);
+    rig_start(&plain, &body.blob, "arm3", 1000, "touch", NULL, 1);
+    rig_lead(&plain, keys, 4, 800, 10);
+    plain.bus.script.tremor_m = 2e-5;
+    sim_device_init(&plain.bus.device, &plain.file, keys[0].x_m);
+    rig_run(&plain, 3.5);
+    CHECK(r.report.state == PALP_STATE_RUN && palp_norm(plain.report.force_N) > 0.1f,
+          "held at home, the operator says so: RUN, and %.3f N",
+          (double)palp_norm(r.report.force_N));
+    AT_MOST(palp_norm(palp_sub(r.report.force_N, plain.report.force_N)) /
+                palp_norm(plain.report.force_N),
+            0.02, "as with drives that know their zero: force off by");
+    r.more_events = PALP_EVENT_ESTOP;
+    rig_run(&r, 0.01);
+    r.more_events = PALP_EVENT_RESET;
+    rig_run(&r, 0.5);
+    CHECK(r.report.state == PALP_STATE_RUN, "the operator's stop does not lose the zero");
+    r.silent = true;
+    rig_run(&r, 0.1);
+    r.silent = false;
+    r.more_events = PALP_EVENT_RESET;
+    rig_run(&r, 0.5);
+    CHECK(r.report.state == PALP_STATE_HOMING, "drives that were silent are homed again");
+    rig_stop(&r);
+    rig_stop(&plain);
+}
+
 static void test_run(void) {
     rig r;
     rig_start(&r, &body.blob, "arm3", 1000, "touch", NULL, 1);
@@ -300,6 +354,7 @@ int main(void) {
     test_output();
     test_feed_forward();
     test_run();
+    test_homing();
     test_damping();
     test_operator();
     test_feedforward();
