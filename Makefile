@@ -174,8 +174,8 @@ CHECKS := $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits reproduce dyn
 check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours
-	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 HOURS=24 \
-	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz day)
+	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 FULL=1 HOURS=24 DEVICES='arm3 delta3 pantograph desk3 arm3-mit' \
+	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz reproduce day zwidth)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices
