@@ -27,17 +27,15 @@ if [ "$(uname -m)" = x86_64 ]; then
     doubles=$(objdump -d "$BUILD/libpalp.a" | grep -cE '\b(add|sub|mul|div|sqrt|cvtss2|cvtsi2)sd\b|\b(add|mul|sub|div)pd\b|\bf(ld|st|mul|add)')
     [ "$doubles" -eq 0 ]; ok $? "no double-precision instruction ($doubles)"
 fi
-if [ "$(uname -m)" = x86_64 ]; then
-    for c in core/*/*.c; do
-        gcc -std=c11 -O2 -ffreestanding -fno-math-errno -ffp-contract=off -I. -fstack-usage -c "$c" -o "$work/x.o" && cat "$work/x.su"
-    done > "$work/stack.txt"
-    deep=$(awk '$2 > 4096 {print $1, $2}' "$work/stack.txt")
-    [ -z "$deep" ] && [ -s "$work/stack.txt" ]; ok $? "no call takes more than 4 KiB of stack: $(sort -k2 -n "$work/stack.txt" | tail -1 | awk '{print $1, $2}') $deep"
-fi
+for c in core/*/*.c; do
+    o=$work/$(echo "$c" | tr / _).o
+    gcc -std=c11 -O3 -ffreestanding -fno-math-errno -ffp-contract=off -I. -fstack-usage -fcallgraph-info=su -c "$c" -o "$o" && cat "${o%.o}.su"
+done > "$work/stack.txt"
+deep=$(awk '$2 > 4096 {print $1, $2}' "$work/stack.txt")
+[ -z "$deep" ] && [ -s "$work/stack.txt" ]; ok $? "no call takes more than 4 KiB of stack: $(sort -k2 -n "$work/stack.txt" | tail -1 | awk '{print $1, $2}') $deep"
 if command -v python3 >/dev/null; then
     loops=$(python3 tests/loops.py core/*/*.c core/*/*.h)
     ok $? "loops: $loops"
-    for c in core/*/*.c; do gcc -std=c11 -O3 -ffreestanding -fno-math-errno -ffp-contract=off -I. -fcallgraph-info=su -c "$c" -o "$work/$(echo "$c" | tr / _).o"; done
     python3 tests/callgraph.py "$work"/*.ci > "$work/calls"
     ok $? "calls: $(tail -1 "$work/calls")"
 else
