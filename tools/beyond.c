@@ -138,7 +138,7 @@ static void patch_errors(const palp_blob *b, uint32_t count, patch_error error[P
             }
             if (!sound) continue;
             error[l].patches++;
-            error[l].unknowns += cma.count;
+            error[l].unknowns += cma.solved;
             for (int p = 0; p < 2; p++) {
                 error[l].sum[p] += off[p];
                 error[l].largest[p] = fmax(error[l].largest[p], off[p]);

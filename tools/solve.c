@@ -165,7 +165,7 @@ int command_solve(int argc, char **argv) {
                 (double)f[3 * i + 2]);
     }
     fprintf(out.file, "# level=%" PRIu32 " rms_bound=%.6g unknowns=%" PRIu32 "\n", level,
-            (double)b.meta->rms_error, cma.count);
+            (double)b.meta->rms_error, cma.solved);
     commit_output(&out);
     return EXIT_SUCCESS;
 }

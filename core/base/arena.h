@@ -28,4 +28,13 @@ static inline void *palp_take(palp_arena *arena, size_t count, size_t size) {
     return arena->base != NULL ? arena->base + at : NULL;
 }
 
+/* The same for `rows` rows of `columns` elements, whose product may be more than size_t holds. */
+static inline void *palp_take_rows(palp_arena *arena, size_t rows, size_t columns, size_t size) {
+    if (columns > SIZE_MAX / size) {
+        arena->used = SIZE_MAX;
+        return NULL;
+    }
+    return palp_take(arena, rows, columns * size);
+}
+
 #endif

@@ -32,6 +32,14 @@ static inline palp_vec3 palp_carry_back(const palp_frame *f, palp_vec3 x) {
     return palp_rotate_back(f->r, palp_sub(x, f->t));
 }
 
+/* Two unit vectors that complete the unit vector n to a right-handed frame (t_0, t_1, n). */
+static inline void palp_tangents(palp_vec3 n, palp_vec3 tangent[2]) {
+    const palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
+    const palp_vec3 t = palp_cross(n, palp_abs(n.x) < 0.6f ? x : y);
+    tangent[0] = palp_scale(1.0f / palp_norm(t), t);
+    tangent[1] = palp_cross(n, tangent[0]);
+}
+
 /* a after b: x -> a(b(x)) */
 palp_frame palp_frame_compose(const palp_frame *a, const palp_frame *b);
 

@@ -77,7 +77,7 @@
     X(ITERATION, "iteration", "a change of the active set")                                        \
     X(PRESSED, "pressed", "one point in contact in it, or outside")                                \
     X(FINISH, "finish", "the end of a contact for one tool")                                       \
-    X(FRICTION, "friction", "the springs of one tool's friction, in four regions")                                  \
+    X(FRICTION, "friction", "the springs of one tool's friction, in four regions")                 \
     X(SOUGHT, "sought", "one node in the search for the nearest")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/friction.h"
+#include "core/base/frame.h"
 #include "core/contact/contact_internal.h"
 
 #define HERTZ 1.2f /* compliance under a force like the pressure, over that of all points alike */
@@ -24,7 +25,7 @@ static void find_tangents(palp_friction *f, palp_vec3 force) {
     const palp_contact_region *one = &f->region[0].at;
     const float size = palp_norm(force);
     const bool single = f->regions == 1u || !(size > 0.0f);
-    palp_contact_tangents(single ? one->axis : palp_scale(1.0f / size, force), f->tangent);
+    palp_tangents(single ? one->axis : palp_scale(1.0f / size, force), f->tangent);
 }
 
 /* No direction is stiffer than a tenth of the softest: truncated modes may leave the whole slightly

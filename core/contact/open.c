@@ -78,18 +78,18 @@ static void lay_out(palp_contact *c, palp_arena *arena) {
     for (uint32_t k = 0; k < 11u; k++) c->pressed[k] = palp_take(arena, padded, sizeof(float));
     c->pressed_side = palp_take(arena, padded, sizeof(uint16_t));
     c->pressed_of = palp_take(arena, c->bodies, sizeof *c->pressed_of);
-    c->mode = palp_take(arena, (size_t)modes * sides, sizeof(float));
+    c->mode = palp_take_rows(arena, modes, sides, sizeof(float));
     c->load = palp_take(arena, modes, sizeof(float));
     for (uint32_t k = 0; k < 2u; k++) c->side_row[k] = palp_take(arena, sides, sizeof(float));
-    c->g = palp_take(arena, (size_t)room * room, sizeof(float));
-    c->factor = palp_take(arena, (size_t)room * room, sizeof(float));
+    c->g = palp_take_rows(arena, room, room, sizeof(float));
+    c->factor = palp_take_rows(arena, room, room, sizeof(float));
     c->target = palp_take(arena, room, sizeof(float));
     c->lambda = palp_take(arena, room, sizeof(float));
     c->scratch = palp_take(arena, room + 1u, sizeof(float));
     c->active = palp_take(arena, room, sizeof(uint32_t));
     if (c->assembly == NULL) return;
     const size_t width = 3u * (size_t)c->assembly->seams.modes;
-    c->seam = palp_take(arena, 2u * width * sides, sizeof(float));
+    c->seam = palp_take_rows(arena, 2u * width, sides, sizeof(float));
     c->felt = palp_take(arena, 3u * (size_t)zone_modes(c->assembly), sizeof(float));
     c->answer = palp_take(arena, 2u * width, sizeof(float));
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/regions.h"
+#include "core/base/frame.h"
 #include "core/contact/contact_internal.h"
 
 #define NO_REGION 0xffu
@@ -7,13 +8,6 @@
 #define CELL                                                                                       \
     0.07f /* mean square distance in a cell, over the spacing squared: half a hexagon's,           \
              which meets Hertz to 0.5 %; points at the rim stand for less than a cell */
-
-void palp_contact_tangents(palp_vec3 n, palp_vec3 tangent[2]) {
-    palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
-    palp_vec3 t = palp_cross(n, palp_abs(n.x) < 0.6f ? x : y);
-    tangent[0] = palp_scale(1.0f / palp_norm(t), t);
-    tangent[1] = palp_cross(n, tangent[0]);
-}
 
 /* The point in contact at a place of the tool's lattice that has no region yet; PALP_LATTICE_MISS
  * if there is none. */
@@ -186,7 +180,7 @@ static void measure(const palp_contact *c, uint32_t tool, uint32_t number,
     region->centre_m = centre;
     region->spread_m2 = palp_max(square * over - palp_dot(centre, centre), 0.0f);
     region->axis = palp_scale(1.0f / palp_max(palp_norm(push), 1e-30f), push);
-    palp_contact_tangents(region->axis, region->tangent);
+    palp_tangents(region->axis, region->tangent);
 }
 
 /* Measures the regions, without those that were left no point; returns how many there are. */

@@ -35,7 +35,4 @@ static inline float palp_contact_reach2(const palp_contact_region *region) {
     return 2.5f * region->spread_m2;
 }
 
-/* t_0, t_1 with n as third. */
-void palp_contact_tangents(palp_vec3 n, palp_vec3 tangent[2]);
-
 #endif

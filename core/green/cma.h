@@ -55,7 +55,8 @@ typedef struct {
 typedef struct {
     const palp_blob *blob;
     uint32_t capacity, count;
-    palp_switch *switches;                    /* [capacity] */
+    palp_switch *switches;                    /* [capacity], `count` of them as given */
+    uint32_t solved, *chosen;                 /* [capacity] those that are unknowns on the level */
     float *capacitance;                       /* [capacity][capacity] */
     float *factor;                            /* [capacity][capacity] */
     float *scale, *rhs, *solution, *residual; /* [capacity] */
@@ -72,7 +73,8 @@ typedef struct {
     palp_row_scratch scratch[PALP_DOMAINS];
 } palp_cma;
 
-/* Bytes that palp_cma_init needs for `max_unknowns` switched scalars. */
+/* Bytes that palp_cma_init needs for `max_unknowns` switched scalars; SIZE_MAX when that is more
+ * than the address space. */
 size_t palp_cma_memsize(const palp_blob *blob, uint32_t max_unknowns);
 
 /*
@@ -103,11 +105,12 @@ palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
 /*
  * Solves; u_m and f_N are float[nodes][3]: displacement, and the force that the surroundings apply.
  * Without reactions in the blob f_N is 0 at fixed nodes. Errors: NOT_SPD, SINGULAR (also when
- * what is left displaced or fixed lies on one line), ABSENT (a displaced node that no stored column
- * can hold, or released fixed nodes with collocated constraints on a coarse level). Afterwards
- * cma->count is the number of unknowns that were solved for, and the forces found count as given:
- * palp_cma_clear comes before the next problem.
- * Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
+ * what is displaced, fixed or held along its normal leaves the body a rigid motion), ABSENT (a
+ * displaced node that no stored column can hold, or released fixed nodes with collocated
+ * constraints on a coarse level); then the conditions are as before. Afterwards cma->solved is the
+ * number of unknowns that there were, and the forces found count as given: palp_cma_clear comes
+ * before the next problem. Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s
+ * columns, one transform.
  */
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);
 

@@ -83,7 +83,7 @@ static void lay_out(palp_seams *q, const uint64_t later[PALP_MAX_SEAMS], palp_ar
         q->first_mode[s] = q->modes;
         q->modes += palp_seam_modes(q, s, q->finest);
         size_t side = unknowns(q, s, PALP_DIAGONAL);
-        q->sample[s] = palp_take(arena, PALP_DIAGONAL_SAMPLES * side * side, sizeof(float));
+        q->sample[s] = palp_take_rows(arena, PALP_DIAGONAL_SAMPLES * side, side, sizeof(float));
     }
     for (uint32_t i = 0; i < z->meta->zones; i++)
         most = z->zone[i].modes > most ? z->zone[i].modes : most;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* core/base against bit-by-bit, libm and double-precision oracles. */
+#include "core/base/arena.h"
 #include "core/base/crc32c.h"
 #include "core/base/linalg.h"
 #include "core/base/real.h"
@@ -196,6 +197,18 @@ static void test_lu(void) {
           "a singular matrix is refused by LU");
 }
 
+static void test_room(void) {
+    palp_arena a = {0};
+    (void)palp_take_rows(&a, SIZE_MAX / 8, 9, 4);
+    CHECK(a.used == SIZE_MAX, "more rows than the address space holds: no block is large enough");
+    a = (palp_arena){0};
+    (void)palp_take_rows(&a, 3, SIZE_MAX / 2, 4);
+    CHECK(a.used == SIZE_MAX, "nor is one for rows that are longer than that");
+    a = (palp_arena){0};
+    (void)palp_take_rows(&a, 3, 5, 4);
+    CHECK(a.used == 64, "3 rows of 5 floats take %zu bytes", a.used);
+}
+
 int main(void) {
     test_crc();
     test_sincos();
@@ -207,5 +220,6 @@ int main(void) {
     }
     CHECK(strcmp(palp_status_text((palp_status)999), "unknown status") == 0,
           "unknown status has a text");
+    test_room();
     return tap_done();
 }

@@ -87,7 +87,7 @@ int main(void) {
         }
         CHECK(palp_cma_solve(&cma, v, q) == PALP_OK, "an electrode of %u nodes at unit potential",
               electrodes);
-        CHECK(cma.count == electrodes, "one unknown per node");
+        CHECK(cma.solved == electrodes, "one unknown per node");
         for (uint32_t i = 0; i < electrodes; i++) {
             x[i] = 1;
             for (uint32_t j = 0; j < electrodes; j++)

@@ -289,6 +289,86 @@ static void test_rigid(const baked *b) {
     free(memory);
 }
 
+/* Every fixed node let go, and one more condition: is the body held? */
+static palp_status let_go(const baked *b, const uint32_t *node, palp_condition condition,
+                          uint32_t count) {
+    const size_t n = 3 * (size_t)b->m.vertices;
+    palp_cma cma;
+    const size_t bytes = palp_cma_memsize(&b->blob, (uint32_t)n);
+    void *memory = allocate_aligned(bytes, 1);
+    float *u = allocate(n, sizeof *u), *f = allocate(n, sizeof *f);
+    (void)palp_cma_init(&cma, &b->blob, (uint32_t)n, memory, bytes);
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        bool named = false;
+        for (uint32_t k = 0; k < count; k++) named = named || node[k] == i;
+        if (b->fixed[i] != 0 && !named)
+            (void)palp_cma_give(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
+    }
+    for (uint32_t k = 0; k < count; k++)
+        (void)palp_cma_give(&cma, node[k], condition, (palp_vec3){0, 0, 0});
+    const palp_status status = palp_cma_solve(&cma, u, f);
+    free(memory);
+    free(u);
+    free(f);
+    return status;
+}
+
+static void test_loose(const baked *b) {
+    uint32_t node[40];
+    for (uint32_t k = 0; k < 40; k++) node[k] = nth_node(false, 3 * k);
+    CHECK(let_go(b, node, PALP_GIVE_NORMAL, 1) == PALP_ERR_SINGULAR,
+          "all fixed nodes let go and one held along its normal: loose");
+    CHECK(let_go(b, node, PALP_GIVE_NORMAL, 5) == PALP_ERR_SINGULAR,
+          "nor do five normals hold a body");
+    CHECK(let_go(b, node, PALP_GIVE_DISPLACEMENT, 1) == PALP_ERR_SINGULAR,
+          "one node held wholly: it turns");
+    CHECK(let_go(b, node, PALP_GIVE_DISPLACEMENT, 3) == PALP_OK, "three nodes hold it");
+}
+
+/* A solve that fails leaves the conditions as they were. */
+static void test_failed_solve(const baked *b) {
+    palp_meta meta = *b->blob.meta;
+    palp_blob coarser = b->blob; /* as if columns were stored for coarse hats only */
+    const palp_blob *blob = &coarser;
+    meta.constraint_level = meta.levels - 2;
+    coarser.meta = &meta;
+    const uint32_t n = 3 * b->m.vertices;
+    palp_cma cma;
+    const size_t bytes = palp_cma_memsize(blob, n);
+    void *memory = allocate_aligned(bytes, 1);
+    float *u = allocate(n, sizeof *u), *f = allocate(n, sizeof *f);
+    (void)palp_cma_init(&cma, blob, n, memory, bytes);
+    uint32_t absent = 0, coarse = 0; /* a node of a coarse hat, and one of a fine one far from it */
+    const uint32_t stored = blob->level[meta.constraint_level].nodes;
+    for (uint32_t i = 0; i < b->m.vertices; i++)
+        if (b->fixed[i] == 0 && palp_node_slot(blob, i) < blob->level[0].nodes) coarse = i;
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        const bool farther =
+            v_distance(b->m.x[i], b->m.x[coarse]) > v_distance(b->m.x[absent], b->m.x[coarse]);
+        if (b->fixed[i] == 0 && palp_node_slot(blob, i) >= stored && farther) absent = i;
+    }
+    (void)palp_cma_level(&cma, 0, PALP_ENERGETIC);
+    (void)palp_cma_give(&cma, coarse, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+    for (uint32_t i = 0; i < b->m.vertices; i++) {
+        const uint32_t slot = palp_node_slot(blob, i);
+        if (b->fixed[i] == 0 && slot >= blob->level[0].nodes && slot < stored)
+            (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+    }
+    (void)palp_cma_give(&cma, absent, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+    const uint32_t asked = cma.count;
+    palp_switch *before = allocate(asked, sizeof *before);
+    memcpy(before, cma.switches, asked * sizeof *before);
+    const palp_status status = palp_cma_solve(&cma, u, f);
+    bool same = cma.count == asked;
+    for (uint32_t k = 0; k < asked; k++) same = same && before[k].node == cma.switches[k].node;
+    CHECK(status == PALP_ERR_ABSENT && same && asked > 6,
+          "a node that no stored column can hold: ABSENT, and the %u unknowns are as given", asked);
+    free(before);
+    free(memory);
+    free(u);
+    free(f);
+}
+
 int main(void) {
     progress_quiet(1);
     raw = model_bake(model_sphere(2), -0.7, 0, true, false);
@@ -302,5 +382,7 @@ int main(void) {
     baked enforced = model_bake(model_sphere(2), -0.7, 0, false, false);
     test_kinds(&enforced.blob, "enforced", 0.08);
     test_rigid(&enforced);
+    test_loose(&enforced);
+    test_failed_solve(&enforced);
     return tap_done();
 }
