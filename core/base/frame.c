@@ -1,6 +1,20 @@
 /* SPDX-License-Identifier: MIT */
 #include "frame.h"
 
+#define ORTHONORMAL 0.01f
+
+bool palp_is_rotation(const float r[9]) {
+    const palp_vec3 row[3] = {palp_vec3_at(r), palp_vec3_at(r + 3), palp_vec3_at(r + 6)};
+    bool sound = palp_abs(palp_dot(palp_cross(row[0], row[1]), row[2]) - 1.0f) <= ORTHONORMAL;
+    for (uint32_t i = 0; i < 3u; i++) {
+        for (uint32_t k = 0; k <= i; k++) {
+            const float off = palp_dot(row[i], row[k]) - (i == k ? 1.0f : 0.0f);
+            sound = sound && palp_abs(off) <= ORTHONORMAL; /* false for NaN */
+        }
+    }
+    return sound;
+}
+
 palp_frame palp_frame_compose(const palp_frame *a, const palp_frame *b) {
     palp_frame f = {.t = palp_carry(a, b->t)};
     for (uint32_t i = 0; i < 3; i++) {

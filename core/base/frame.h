@@ -40,6 +40,9 @@ static inline void palp_tangents(palp_vec3 n, palp_vec3 tangent[2]) {
     tangent[1] = palp_cross(n, tangent[0]);
 }
 
+/* Whether r is a rotation, to 1 %: finite, orthonormal, and no reflection. */
+bool palp_is_rotation(const float r[9]);
+
 /* a after b: x -> a(b(x)) */
 palp_frame palp_frame_compose(const palp_frame *a, const palp_frame *b);
 

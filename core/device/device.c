@@ -22,6 +22,8 @@ bool palp_device_is_sound(const palp_device *d) {
     for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++) {
         sound = sound && palp_abs(d->gear[i]) > 0.0f && palp_is_finite(d->gear[i]) &&
                 d->node_id[i] <= most && d->joint_min_rad[i] < d->joint_max_rad[i] &&
+                d->joint_min_rad[i] >= -PALP_JOINT_FARTHEST_RAD &&
+                d->joint_max_rad[i] <= PALP_JOINT_FARTHEST_RAD &&
                 palp_is_finite(d->joint_zero_rad[i]) && palp_is_finite(d->joint_home_rad[i]) &&
                 (!d->homes || (d->joint_home_rad[i] >= d->joint_min_rad[i] &&
                                d->joint_home_rad[i] <= d->joint_max_rad[i]));

@@ -34,6 +34,10 @@ typedef struct {
     float bit_rate_bps, data_rate_bps;
 } palp_device;
 
+/* Farthest that a joint may be asked or read to be, in any device: angles beyond it are not
+ * resolved (rad). */
+#define PALP_JOINT_FARTHEST_RAD 1e4f
+
 /* Whether everything is positive where it must be, within range, and goes together. */
 bool palp_device_is_sound(const palp_device *device);
 

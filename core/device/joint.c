@@ -3,8 +3,9 @@
 #include "core/base/real.h"
 
 #define AGE_LIMIT 0x3fffffffu
-#define FORGET 0x100000u /* periods after which older readings tell no velocity; times the window
-                           within 32 bits */
+#define FORGET                                                                                     \
+    0x100000u           /* periods after which older readings tell no velocity; times the window   \
+                          within 32 bits */
 #define AT_STOP 4.0f    /* steps beyond a limit that are believed */
 #define ZERO_REACH 4.0f /* steps within which an exact 0 may be true */
 

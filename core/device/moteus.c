@@ -142,6 +142,7 @@ typedef struct {
 static bool read_registers(const palp_can_frame *f, uint32_t kind, registers *r) {
     uint32_t at = 0;
     r->seen = 0;
+    if (f->length > PALP_CAN_MAX_DATA) return false;
     /* at most the frame's 64 bytes: each turn takes one */
     while (at < f->length) {
         uint32_t head = f->data[at++];

@@ -26,6 +26,7 @@ void palp_e2e_protect(palp_e2e *e2e, palp_can_frame *frame) {
 
 palp_e2e_verdict palp_e2e_check(palp_e2e *e2e, const palp_can_frame *frame) {
     if (frame == NULL) return PALP_E2E_NO_NEW_DATA;
+    if (frame->length < 2u || frame->length > PALP_CAN_MAX_DATA) return PALP_E2E_WRONG_CRC;
     uint32_t counter = frame->data[1] & 0xfu;
     if (frame->data[0] != crc_of(frame) || counter >= COUNTERS) return PALP_E2E_WRONG_CRC;
     uint32_t step = (counter + COUNTERS - e2e->counter) % COUNTERS;

@@ -2,17 +2,20 @@
 #include "axes.h"
 
 #define RAD_PER_REV 6.28318530718f
+#define RESOLVED 1.2e-7f /* step of a float, over it */
 #define BAD_BEFORE_RESTART 3u
 #define TREMOR_M 1e-4f
-#define UNLIMITED_RAD 1e6f
 #define FROZEN_TORQUE 0.005f /* share of the motor's limit above which a hand would move */
 
-/* What a reading of a motor's angle is rounded to: the encoder's step, or the wire's. */
-static float reading_step(const palp_device *device) {
+/* What a reading of the motor of joint i is rounded to: the encoder's step, the wire's, or what a
+ * float resolves at the farthest end of the joint. */
+static float reading_step(const palp_device *device, uint32_t i) {
+    float turned = palp_max(palp_abs(device->joint_min_rad[i]), palp_abs(device->joint_max_rad[i]));
+    float resolved = RESOLVED * turned * palp_abs(device->gear[i]);
     float encoder = RAD_PER_REV / device->drives.counts_per_rev;
     bool coarse = device->drives.protocol == PALP_PROTOCOL_MIT;
     float wire = coarse ? 2.0f * device->drives.range.position_rad / 65535.0f : 0.0f;
-    return palp_max(encoder, wire);
+    return palp_max(palp_max(encoder, wire), resolved);
 }
 
 /* Where a joint's angles count from; what it was believed to be before is forgotten. */
@@ -31,7 +34,7 @@ void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
         axes->drive[i].node = device->node_id[i];
         axes->limits[i] =
             (palp_joint_limits){.speed_max_rad_s = palp_device_joint_speed(device),
-                                .step_rad = reading_step(device) / palp_abs(device->gear[i])};
+                                .step_rad = reading_step(device, i) / palp_abs(device->gear[i])};
         set_zero(axes, device, i, device->joint_zero_rad[i]);
     }
     axes->homed = true;
@@ -52,8 +55,8 @@ void palp_axes_unhome(palp_device_axes *axes, const palp_device *device) {
     if (!device->homes) return;
     for (uint32_t i = 0; i < axes->count; i++) {
         set_zero(axes, device, i, 0.0f);
-        axes->limits[i].min_rad = -UNLIMITED_RAD;
-        axes->limits[i].max_rad = UNLIMITED_RAD;
+        axes->limits[i].min_rad = -PALP_JOINT_FARTHEST_RAD;
+        axes->limits[i].max_rad = PALP_JOINT_FARTHEST_RAD;
     }
     axes->homed = false;
 }

@@ -22,7 +22,8 @@ typedef struct {
     uint64_t tardy;       /* ticks that the caller began more than half a period late */
     uint64_t skipped;     /* periods in which the caller did not tick */
     uint64_t bus_faults;  /* bus-off, link down, frames not taken */
-    uint64_t bus_warnings, overflows; /* error-passive; frames that the receiver had no room for */
+    uint64_t bus_warnings, overflows; /* error-passive; frames that the receiver or the tick had no
+                                         room for */
     uint64_t outside;                 /* ticks beyond the workspace or near a singular pose */
     uint64_t held;                    /* ticks that went on as foreseen (palp_report.held) */
     uint64_t coarsened, refined;      /* changes of the level of contact */

@@ -5,7 +5,6 @@
 #define NS_PER_S 1e9f
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
 #define OUTSIDE 1.25f  /* workspace radii at which it begins to fade, over a quarter radius */
-#define FRAMES 64.0f   /* received in one tick, at most */
 
 struct palp_servo {
     const palp_blob *blob;
@@ -42,8 +41,13 @@ size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest) {
 
 static bool config_is_sound(const palp_servo_config *c) {
     float rate_hz = c->device.drives.rate_hz;
+    const palp_placement *p = &c->placement;
+    const bool placed = p->scale > 0.0f && palp_is_finite(p->scale) &&
+                        palp_vec3_is_finite(p->origin_m) && palp_is_rotation(p->rotation);
+    const bool coupled = palp_is_finite(c->coupling_N_per_m) && c->coupling_N_per_m >= 0.0f &&
+                         palp_is_finite(c->coupling_Ns_per_m) && c->coupling_Ns_per_m >= 0.0f;
     return palp_device_is_sound(&c->device) && palp_tool_is_sound(&c->tool) && rate_hz >= 49.0f &&
-           rate_hz <= 20001.0f && c->placement.scale > 0.0f && palp_cost_table_is_sound(&c->cost) &&
+           rate_hz <= 20001.0f && placed && coupled && palp_cost_table_is_sound(&c->cost) &&
            c->port.now_ns != NULL;
 }
 
@@ -60,7 +64,7 @@ static void set_coupling(palp_coupling_tool *spring, const palp_servo_config *c)
 }
 
 float palp_servo_cost_before(const palp_prices *price) {
-    return palp_servo_cost_after(price) + FRAMES * price->of[PALP_WORK_FRAME];
+    return palp_servo_cost_after(price) + (float)PALP_SERVO_FRAMES_IN * price->of[PALP_WORK_FRAME];
 }
 
 float palp_servo_cost_after(const palp_prices *price) { return 0.5f * price->of[PALP_WORK_SERVO]; }
@@ -140,10 +144,12 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     s->periods = periods;
     s->counters.skipped += in->skipped;
     count_events(&s->counters, in->events);
-    palp_axes_take(&s->axes, &s->config.device, periods, in->frames, in->count, force,
-                   &s->counters);
+    const uint32_t frames = in->count < PALP_SERVO_FRAMES_IN ? in->count : PALP_SERVO_FRAMES_IN;
+    s->counters.overflows += in->count - frames;
+    palp_axes_take(&s->axes, &s->config.device, periods, in->frames + (in->count - frames), frames,
+                   force, &s->counters);
     s->health = palp_axes_look(&s->axes);
-    if ((float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
+    if (force && (float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
     follow_safety(s, palp_safety_tick(&s->safety, in->events, periods, &s->health));
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
         palp_answer_reset(&s->answer);

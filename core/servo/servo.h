@@ -37,7 +37,7 @@ typedef struct {
 
 typedef struct {
     const palp_can_frame *frames; /* received since the last tick, oldest first */
-    uint32_t count;
+    uint32_t count;   /* of the first ones beyond PALP_SERVO_FRAMES_IN nothing is read */
     uint32_t skipped; /* whole periods that the caller let pass without a tick before this one */
     uint32_t events;  /* PALP_EVENT_ bits */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own compensation */
@@ -73,6 +73,9 @@ typedef struct palp_servo palp_servo;
 /* Stack that any call of this library takes at most (make size prints what the compilers report).
  */
 #define PALP_SERVO_STACK 4096u
+
+/* Frames that a tick takes in at most: what its bound is for. */
+#define PALP_SERVO_FRAMES_IN 64u
 
 /* Loads that palp_servo_loads makes at most. */
 #define PALP_SERVO_LOADS 192u

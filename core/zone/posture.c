@@ -26,23 +26,12 @@ static void measure_closure(palp_posture *p, const palp_joint_entry *j) {
     p->open_rad = palp_max(p->open_rad, turned);
 }
 
-/* Finite, with columns of about unit length. */
-static bool is_motion(const palp_frame *f) {
-    bool sound = palp_vec3_is_finite(f->t);
-    for (uint32_t k = 0; k < 3; k++) {
-        float length2 =
-            f->r[k] * f->r[k] + f->r[3u + k] * f->r[3u + k] + f->r[6u + k] * f->r[6u + k];
-        sound = sound && length2 > 0.99f && length2 < 1.01f;
-    }
-    return sound;
-}
-
 void palp_posture_set(palp_posture *posture, const palp_zones *zones, const float *value,
                       const palp_frame *root) {
     palp_posture *p = posture;
     p->clamped = 0;
     p->open_m = p->open_rad = 0.0f;
-    if (is_motion(root)) {
+    if (palp_vec3_is_finite(root->t) && palp_is_rotation(root->r)) {
         p->root = *root;
     } else {
         p->clamped++;

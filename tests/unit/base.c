@@ -2,9 +2,11 @@
 /* core/base against bit-by-bit, libm and double-precision oracles. */
 #include "core/base/arena.h"
 #include "core/base/crc32c.h"
+#include "core/base/frame.h"
 #include "core/base/linalg.h"
 #include "core/base/real.h"
 #include "tests/tap.h"
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -197,6 +199,17 @@ static void test_lu(void) {
           "a singular matrix is refused by LU");
 }
 
+static void test_rotations(void) {
+    const float sound[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1}, mirror[9] = {1, 0, 0, 0, 1, 0, 0, 0, -1},
+                flat[9] = {1, 1, 1, 0, 0, 0, 0, 0, 0},
+                sheared[9] = {1, 0.2f, 0, 0, 0.98f, 0, 0, 0, 1},
+                long_one[9] = {1.1f, 0, 0, 0, 1, 0, 0, 0, 1},
+                none[9] = {NAN, 0, 0, 0, 1, 0, 0, 0, 1};
+    CHECK(palp_is_rotation(sound) && !palp_is_rotation(mirror) && !palp_is_rotation(flat) &&
+              !palp_is_rotation(sheared) && !palp_is_rotation(long_one) && !palp_is_rotation(none),
+          "a turn is a rotation; mirrors, rank one, shear, stretch and NaN are none");
+}
+
 static void test_room(void) {
     palp_arena a = {0};
     (void)palp_take_rows(&a, SIZE_MAX / 8, 9, 4);
@@ -221,5 +234,6 @@ int main(void) {
     CHECK(strcmp(palp_status_text((palp_status)999), "unknown status") == 0,
           "unknown status has a text");
     test_room();
+    test_rotations();
     return tap_done();
 }

@@ -6,6 +6,8 @@
 #include "sim/device.h"
 #include "tests/tap.h"
 #include "tools/util.h"
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 static bool hex_is(const palp_can_frame *f, const char *hex) {
@@ -88,6 +90,8 @@ static void test_moteus(void) {
           "integers are scaled by register");
     a.length = 10;
     CHECK(!palp_moteus_decode_answer(&a, 3, &r), "a subframe cut short is refused");
+    a.length = 200;
+    CHECK(!palp_moteus_decode_answer(&a, 3, &r), "and a frame that says it is 200 bytes long");
 }
 
 static void test_mit(void) {
@@ -159,6 +163,12 @@ static void test_protection(void) {
         v[0] = palp_e2e_check(&in, &f);
     }
     CHECK(v[0] == PALP_E2E_OK, "40 frames in order are OK");
+    palp_can_frame longer = f;
+    longer.length = 200;
+    v[0] = palp_e2e_check(&in, &longer);
+    longer.length = 0;
+    CHECK(v[0] == PALP_E2E_WRONG_CRC && palp_e2e_check(&in, &longer) == PALP_E2E_WRONG_CRC,
+          "one of 200 bytes and an empty one are not");
     v[0] = palp_e2e_check(&in, &f);
     for (int i = 0; i < 3; i++) palp_e2e_protect(&out, &f);
     v[1] = palp_e2e_check(&in, &f);
@@ -389,6 +399,39 @@ static void test_missed(void) {
 }
 
 /* Silences so long that the count of ticks comes round: no velocity is known after them. */
+/* Every codec looks at the length: answers of all lengths, cut short or far too long. */
+static void test_lengths(void) {
+    static const char *const names[] = {"arm3",     "arm3-cia402", "arm3-moteus",
+                                        "arm3-mit", "arm3-palp",   "arm3-palp-fd"};
+    uint32_t taken = 0;
+    for (int k = 0; k < 6; k++) {
+        const palp_device d = device_load(names[k]).device;
+        palp_can_filter filter[PALP_DRIVE_FILTERS];
+        const uint32_t filters = palp_drive_filters(&d.drives, d.node_id[0], filter);
+        for (uint32_t i = 0; i < filters; i++) {
+            for (uint32_t length = 65; length < 256; length++) {
+                palp_drive drive;
+                palp_drive_init(&drive, d.node_id[0]);
+                palp_can_frame *f = allocate(1, sizeof *f); /* reads beyond it are seen */
+                *f = (palp_can_frame){
+                    .id = filter[i].id,
+                    .flags = (uint8_t)(filter[i].flags | (d.drives.fd ? PALP_CAN_FD : 0)),
+                    .length = (uint8_t)length};
+                memset(f->data, 0x50, sizeof f->data);
+                const palp_news news = palp_drive_receive(&drive, &d.drives, f);
+                taken += news != PALP_NEWS_NONE && news != PALP_NEWS_BAD;
+                free(f);
+            }
+        }
+    }
+    CHECK(taken == 0, "no codec takes a frame of more than 64 bytes (%u)", taken);
+    palp_device d = device_load("arm3").device;
+    d.joint_max_rad[1] = 1e30f;
+    CHECK(!palp_device_is_sound(&d), "a joint limit of 1e30 is refused");
+    d.joint_max_rad[1] = NAN;
+    CHECK(!palp_device_is_sound(&d), "and one that is no number");
+}
+
 static void test_silence(void) {
     const palp_joint_limits limits = {-10, 10, 100, 1e-5f, 0};
     palp_joint j = {.age = 0};
@@ -443,6 +486,7 @@ int main(void) {
     test_joint();
     test_missed();
     test_silence();
+    test_lengths();
     test_load();
     return tap_done();
 }

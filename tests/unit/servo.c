@@ -308,6 +308,69 @@ static void test_compensation(void) {
     AT_MOST(fabs(drop[1]), 0.0005, "with compensation it floats, m");
 }
 
+/* What is wrong in a config is refused when it is opened. */
+static bool opens_with(const palp_servo_config *config) { return rig_opens(&body.blob, config); }
+
+static void test_configs(void) {
+    rig r = {.clock_step_ns = 100, .file = file};
+    const palp_servo_config good = rig_config(&r, &body.blob);
+    palp_servo_config c = good;
+    CHECK(opens_with(&c), "the config itself is taken");
+    c.placement.rotation[4] = NAN;
+    bool any = opens_with(&c);
+    c = good;
+    for (int k = 0; k < 3; k++) c.placement.rotation[k] = -c.placement.rotation[k];
+    any = any || opens_with(&c);
+    CHECK(!any, "a placement that is no number, or a reflection, is refused");
+    c = good;
+    c.placement.origin_m.y = INFINITY;
+    any = opens_with(&c);
+    c = good;
+    c.placement.scale = INFINITY;
+    any = any || opens_with(&c);
+    CHECK(!any, "an infinite origin or scale is refused");
+    c = good;
+    c.coupling_N_per_m = 300;
+    c.coupling_Ns_per_m = -1;
+    any = opens_with(&c);
+    c.coupling_Ns_per_m = NAN;
+    any = any || opens_with(&c);
+    CHECK(!any, "negative damping of the coupling, and one that is no number, are refused");
+}
+
+/* More frames in a tick than it has time for: the newest count. */
+static void test_flood(void) {
+    static palp_can_frame many[500];
+    palp_can_frame out[PALP_SERVO_FRAMES_OUT];
+    palp_report report;
+    rig r;
+    rig_start(&r, &body.blob, "arm3", 1000, "touch", NULL, 1);
+    rig_run(&r, 0.5);
+    const palp_counters before = *palp_servo_counters(r.servo);
+    for (int i = 0; i < 500; i++) many[i] = (palp_can_frame){.id = 0x7ff, .length = 8};
+    const palp_tick_input in = {.frames = many, .count = 500};
+    (void)palp_servo_tick(r.servo, &in, out, &report);
+    const palp_counters *after = palp_servo_counters(r.servo);
+    CHECK(after->rejected - before.rejected == PALP_SERVO_FRAMES_IN &&
+              after->overflows - before.overflows == 500 - PALP_SERVO_FRAMES_IN,
+          "of 500 frames in a tick 64 are looked at, and the rest is counted");
+    rig_stop(&r);
+}
+
+/* In FAULT nothing is counted that only matters under force. */
+static void test_frozen_in_fault(void) {
+    rig r;
+    rig_start(&r, &body.blob, "arm3", 1000, "touch", "stuck@5+5", 1);
+    rig_run(&r, 7);
+    const uint64_t counted = palp_servo_counters(r.servo)->frozen;
+    rig_run(&r, 1);
+    CHECK(r.report.state == PALP_STATE_FAULT && counted > 0 &&
+              palp_servo_counters(r.servo)->frozen == counted,
+          "an encoder that froze is not counted on in FAULT: %llu",
+          (unsigned long long)palp_servo_counters(r.servo)->frozen);
+    rig_stop(&r);
+}
+
 static void test_budget(void) {
     rig r = {.clock_step_ns = 100, .file = file};
     palp_servo_config config = rig_config(&r, &body.blob);
@@ -359,6 +422,9 @@ int main(void) {
     test_operator();
     test_feedforward();
     test_compensation();
+    test_configs();
+    test_flood();
+    test_frozen_in_fault();
     test_budget();
     return tap_done();
 }
