@@ -13,6 +13,9 @@
 #define ID_CLOCK 0x1fff0002u
 #define ID_RESULT 0x1fff0003u
 #define ID_GAP 0x1fff0004u
+#define ID_TOTALS 0x1fff0005u
+#define TOTALS (sizeof(run_totals) / sizeof(uint64_t))
+#define TOTALS_PER_FRAME 8u
 #define CLOCKS_PER_FRAME 16u
 
 /* ---- digest ---- */
@@ -130,6 +133,17 @@ void record_write_gap(FILE *f, double time_s, uint64_t lost) {
     candump_write(f, time_s, CHANNEL, &frame);
 }
 
+void record_write_totals(FILE *f, double time_s, const run_totals *totals) {
+    uint64_t word[TOTALS];
+    memcpy(word, totals, sizeof word);
+    for (size_t at = 0; at < TOTALS; at += TOTALS_PER_FRAME) {
+        palp_can_frame frame = own_frame(ID_TOTALS, 64);
+        for (size_t i = at; i < at + TOTALS_PER_FRAME && i < TOTALS; i++)
+            put_u64(frame.data + 8 * (i - at), word[i]);
+        candump_write(f, time_s, CHANNEL, &frame);
+    }
+}
+
 /* ---- reading ---- */
 
 struct record_reader {
@@ -141,6 +155,8 @@ struct record_reader {
     double time_s;
     char interface[CANDUMP_NAME];
     palp_can_frame frame;
+    uint64_t total[TOTALS];
+    size_t totals; /* of them read */
 };
 
 static uint64_t get_u64(const uint8_t *p) {
@@ -220,6 +236,17 @@ static bool parse_header_line(session_record *s, const char *line) {
     return strcmp(line, "palp-log 3") == 0;
 }
 
+/* Whether a device's text has a line that begins with the key `like`, which opens other files. */
+static bool names_another(const char *text) {
+    while (text != NULL) {
+        text += strspn(text, " \t\r\v\f");
+        if (strncmp(text, "like", 4) == 0 && strchr(" \t\r\v\f=:\n", text[4]) != NULL) return true;
+        text = strchr(text, '\n');
+        if (text != NULL) text++;
+    }
+    return false;
+}
+
 static void parse_header(session_record *s, const char *path, char *text) {
     if (strncmp(text, "palp-log 1\n", 11) == 0 || strncmp(text, "palp-log 2\n", 11) == 0)
         die(EXIT_WORK, "%s: written by an older palpd, whose contact was another: record it again",
@@ -231,7 +258,7 @@ static void parse_header(session_record *s, const char *path, char *text) {
         if (next != NULL) *next++ = '\0';
         if (strcmp(line, "device") == 0) {
             float rate = s->config.device.drives.rate_hz;
-            if (next != NULL && (strncmp(next, "like ", 5) == 0 || strstr(next, "\nlike ") != NULL))
+            if (names_another(next))
                 die(EXIT_WORK, "%s: a recorded device stands by itself, without 'like'", path);
             s->device = copy_string(next != NULL ? next : "");
             s->config.device = device_read(path, s->device).device;
@@ -280,6 +307,19 @@ static bool take_frames(record_reader *r, palp_can_frame *frames, uint32_t count
     return true;
 }
 
+static void take_totals(record_reader *r) {
+    while (peek(r) && is_own(r, ID_TOTALS, 64)) {
+        for (uint32_t i = 0; i < TOTALS_PER_FRAME && r->totals < TOTALS; i++)
+            r->total[r->totals++] = get_u64(r->frame.data + 8 * i);
+        r->pending = false;
+    }
+}
+
+bool record_totals(const record_reader *r, run_totals *totals) {
+    memcpy(totals, r->total, sizeof *totals);
+    return r->totals == TOTALS;
+}
+
 bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
     palp_can_frame frame;
     *lost = 0;
@@ -287,6 +327,7 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
         *lost += get_u64(r->frame.data);
         r->pending = false;
     }
+    take_totals(r);
     if (!take(r, ID_TICK, 24, &frame)) return false;
     memset(t, 0, sizeof *t);
     t->time_s = r->time_s;

@@ -14,6 +14,7 @@
  *             f32: force N x3, tip m x3, stored J, absorbed J, duration of the tick ns, given
  *             J. The frames out follow.
  *   1FFF0004  ticks that were lost on the way to the file, u64: replay ends here
+ *   1FFF0005  at the end of a run: its totals, u64 each, 8 to a frame (run_totals)
  */
 #ifndef PALP_SIM_RECORD_H
 #define PALP_SIM_RECORD_H
@@ -46,6 +47,15 @@ typedef struct {
 uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t count,
                        const palp_report *report);
 
+/* What a run came to, besides its ticks. */
+typedef struct {
+    palp_counters counters;
+    uint64_t frames_sent, frames_lost; /* refused by the bus */
+    uint64_t frames_dropped;           /* by the kernel's receive queue */
+    uint64_t unrecorded;               /* ticks that found the ring to the log full */
+    uint64_t minor_faults;             /* of the loop after its start */
+} run_totals;
+
 /* What the controller was told when the session was opened. */
 typedef struct {
     palp_servo_config config; /* but for the port */
@@ -58,6 +68,7 @@ typedef struct {
 void record_write_session(FILE *f, const session_record *session);
 void record_write_tick(FILE *f, const char *bus, const tick_record *tick);
 void record_write_gap(FILE *f, double time_s, uint64_t lost);
+void record_write_totals(FILE *f, double time_s, const run_totals *totals);
 
 typedef struct record_reader record_reader;
 
@@ -66,6 +77,8 @@ record_reader *record_open(const char *path, session_record *session);
 /* The next tick; false at the end. *lost: ticks missing before it, and then replay must end. Exits
  * 1, with the line named, when the log is damaged. A last tick that is cut off ends the log. */
 bool record_next(record_reader *reader, tick_record *tick, uint64_t *lost);
+/* After the last tick: the run's totals; false if the log ends without them. */
+bool record_totals(const record_reader *reader, run_totals *totals);
 void record_close(record_reader *reader);
 
 #endif

@@ -82,6 +82,11 @@ static float largest_force(const run_record *r) {
     return largest;
 }
 
+/* Writes a line of the summary. */
+typedef void line_writer(FILE *f, const char *name, const char *text);
+
+#define NOT_IN_LOG "not in the log, which ends before the run does"
+
 /* "level 4 in 9000 ticks, 3 in 200", finest first. */
 static void describe_levels(const run_record *r, char *text, size_t size) {
     size_t count[PALP_CONTACT_LEVELS] = {0}, used = 0;
@@ -95,10 +100,11 @@ static void describe_levels(const run_record *r, char *text, size_t size) {
     }
 }
 
-static void summary_lines(FILE *f, const run_record *r, const char *format) {
+static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
     float *us = tick_times_us(r);
     quantiles q = quantiles_of(us, r->count);
-    const palp_counters *c = &r->counters;
+    const run_totals *total = &r->totals;
+    const palp_counters *c = &total->counters;
     const palp_report *last = &r->tick[r->count - 1];
     uint32_t most_active = 0, most_points = 0;
     size_t touching = 0, spent = 0, full = 0, held = 0;
@@ -117,7 +123,7 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
 #define LINE(name, ...)                                                                            \
     do {                                                                                           \
         snprintf(text, sizeof text, __VA_ARGS__);                                                  \
-        fprintf(f, format, name, text);                                                            \
+        put(f, name, text);                                                                        \
     } while (0)
     LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
          r->device_name);
@@ -125,10 +131,13 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
     report_faults(last->faults, faults, sizeof faults);
     LINE("state", "%s, faults latched: %s", report_state(last->state),
          last->faults != 0 ? faults : "none");
-    LINE("overruns",
-         "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
-         " ticks shortened by the clock",
-         c->overruns, c->skipped, c->shortened);
+    if (!r->totalled)
+        LINE("overruns", NOT_IN_LOG);
+    else
+        LINE("overruns",
+             "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
+             " ticks shortened by the clock",
+             c->overruns, c->skipped, c->shortened);
     LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99,
          q.p999, q.max);
     if (r->late_us != NULL) {
@@ -138,31 +147,54 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
     }
     char levels[256];
     describe_levels(r, levels, sizeof levels);
-    LINE("levels",
-         "%s; made coarser %" PRIu64 " times, finer again %" PRIu64 "; %zu ticks held as foreseen",
-         levels, c->coarsened, c->refined, held);
-    LINE("contact",
-         "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
-         " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
-         "force may have been off by %.3g N at most",
-         touching, most_active, most_points, spent, full, (double)doubt_N);
-    LINE("frames",
-         "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
-         " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
-         " dropped by the kernel",
-         c->accepted, c->rejected, c->repeated, c->late, c->implausible, r->frames_sent,
-         r->frames_lost, r->frames_dropped);
+    if (!r->totalled)
+        LINE("levels", "%s; %zu ticks held as foreseen", levels, held);
+    else
+        LINE("levels",
+             "%s; made coarser %" PRIu64 " times, finer again %" PRIu64
+             "; %zu ticks held as foreseen",
+             levels, c->coarsened, c->refined, held);
+    if (r->from_log)
+        LINE("contact",
+             "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
+             " points in contact; how well they were settled is not in a log (palp replay)",
+             touching, most_active, most_points);
+    else
+        LINE("contact",
+             "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
+             " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
+             "force may have been off by %.3g N at most",
+             touching, most_active, most_points, spent, full, (double)doubt_N);
+    if (!r->totalled)
+        LINE("frames", NOT_IN_LOG);
+    else
+        LINE("frames",
+             "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
+             " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
+             " dropped by the kernel",
+             c->accepted, c->rejected, c->repeated, c->late, c->implausible, total->frames_sent,
+             total->frames_lost, total->frames_dropped);
     LINE("bus", "%s", r->bus_load);
-    LINE("guards",
-         "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
-         " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
-         " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
-         c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
-         c->bus_warnings, c->overflows, c->resets);
-    LINE("loop", "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
-         r->minor_faults, r->unrecorded);
-    LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
-         c->limited);
+    if (!r->totalled)
+        LINE("guards", NOT_IN_LOG);
+    else
+        LINE("guards",
+             "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
+             " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
+             " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
+             c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
+             c->bus_warnings, c->overflows, c->resets);
+    if (!r->totalled)
+        LINE("loop", NOT_IN_LOG);
+    else
+        LINE("loop",
+             "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
+             total->minor_faults, total->unrecorded);
+    if (!r->totalled)
+        LINE("largest force", "%.3f N", (double)largest_force(r));
+    else
+        LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
+             c->limited);
     LINE("energy",
          "given to the hand: %.3g J (beyond what it had put in); absorbed from it %.4g J at the "
          "end, smallest margin %.3g J",
@@ -171,7 +203,11 @@ static void summary_lines(FILE *f, const run_record *r, const char *format) {
     free(us);
 }
 
-void report_text(FILE *f, const run_record *r) { summary_lines(f, r, "%-18s %s\n"); }
+static void put_plain(FILE *f, const char *name, const char *text) {
+    fprintf(f, "%-18s %s\n", name, text);
+}
+
+void report_text(FILE *f, const run_record *r) { summary_lines(f, r, put_plain); }
 
 /* ---- charts ---- */
 
@@ -293,6 +329,12 @@ static void histogram(FILE *f, const run_record *r) {
     free(us);
 }
 
+static void put_row(FILE *f, const char *name, const char *text) {
+    fprintf(f, "<tr><td>%s</td><td>", name);
+    print_escaped(f, text);
+    fputs("</td></tr>\n", f);
+}
+
 void report_html(FILE *f, const run_record *r) {
     static const series force[] = {{force_norm, "#222", "norm"},
                                    {force_x, "#c0392b", "x"},
@@ -316,10 +358,10 @@ void report_html(FILE *f, const run_record *r) {
         "fill:#444}.bar{fill:#2d6cb5}\n"
         ".key{margin:2px 0;color:#555;font-size:13px}table{border-collapse:collapse}td{padding:2px "
         "14px 2px 0;vertical-align:top}\n"
-        "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: "
-        "%s</h1>\n<table>\n",
-        r->blob_name);
-    summary_lines(f, r, "<tr><td>%s</td><td>%s</td></tr>\n");
+        "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: ");
+    print_escaped(f, r->blob_name);
+    fputs("</h1>\n<table>\n", f);
+    summary_lines(f, r, put_row);
     fputs("</table>\n<h2>At the largest force</h2>\n", f);
     if (r->displacement_m != NULL)
         view_draw(f, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, WIDTH, 560);

@@ -3,18 +3,16 @@
 #ifndef PALP_SIM_REPORT_H
 #define PALP_SIM_REPORT_H
 
-#include "core/servo/servo.h"
+#include "sim/record.h"
 #include <stdio.h>
 
 typedef struct {
     palp_report *tick; /* one per tick */
     float *late_us;    /* wake-up lateness of each tick; NULL when the run was not paced */
     size_t count;
-    palp_counters counters;
-    uint64_t frames_sent, frames_lost; /* refused by the bus */
-    uint64_t frames_dropped;           /* by the kernel's receive queue */
-    uint64_t unrecorded;               /* ticks that found the ring to the log full */
-    uint64_t minor_faults;             /* of the loop after its start */
+    run_totals totals;
+    bool totalled; /* they are known */
+    bool from_log; /* then ticks lack what a log does not hold */
     double rate_hz;
     /* The instant of the largest force, for the picture. */
     float *displacement_m; /* [nodes][3] */

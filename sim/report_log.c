@@ -12,8 +12,8 @@ static const char help[] = "usage: palp report LOG -o OUT.html\n"
                            "\n"
                            "Draws a session that 'palpd --log LOG' has recorded: force, latency, "
                            "energy and levels over time.\n"
-                           "What frames were refused and the picture of the body are not in a log: "
-                           "palpd --report has them.\n";
+                           "How well contacts were settled and the picture of the body are not in "
+                           "a log: palpd --report has them.\n";
 
 static const option options[] = {{"-o", 1}, {NULL, 0}};
 
@@ -41,7 +41,8 @@ int command_report(int argc, char **argv) {
                     .blob_name = s.log,
                     .device_name = "as recorded",
                     .bus_name = session.bus,
-                    .bus_load = "not in a log"};
+                    .bus_load = "not in a log",
+                    .from_log = true};
     size_t capacity = 0, late_capacity = 0;
     tick_record *t = allocate(1, sizeof *t);
     for (uint64_t lost; record_next(reader, t, &lost); r.count++) {
@@ -49,11 +50,8 @@ int command_report(int argc, char **argv) {
         r.late_us = grow(r.late_us, &late_capacity, r.count + 1, sizeof *r.late_us);
         r.tick[r.count] = t->report;
         r.late_us[r.count] = t->late_us;
-        r.unrecorded += lost;
-        r.counters.skipped += t->skipped;
-        r.counters.accepted += t->in_count;
-        r.frames_sent += t->out_count;
     }
+    r.totalled = record_totals(reader, &r.totals);
     record_close(reader);
     if (r.count == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
     output page = open_output(s.page);

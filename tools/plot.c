@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "plot.h"
+#include "util.h"
 #include <math.h>
 
 #define WIDTH 640.0
@@ -120,8 +121,10 @@ static void draw_series(FILE *f, const plot_series *s, size_t number, const axis
         fprintf(f, "<circle cx='%.1f' cy='%.1f' r='%s' stroke='none'/>\n", place_x(x, s->x[i]),
                 place_y(y, s->y[i]), s->dots ? "1.1" : "2.4");
     }
-    fprintf(f, "<text x='%g' y='%g' stroke='none'>%s</text></g>\n", WIDTH - RIGHT + 12,
-            TOP + 14 + 17 * (double)number, s->name);
+    fprintf(f, "<text x='%g' y='%g' stroke='none'>", WIDTH - RIGHT + 12,
+            TOP + 14 + 17 * (double)number);
+    print_escaped(f, s->name);
+    fputs("</text></g>\n", f);
 }
 
 void plot_svg(FILE *f, const plot_chart *chart) {

@@ -294,7 +294,9 @@ static void study_one(const char *folder, const study_case *c, FILE *csv, FILE *
     for (uint32_t l = c->stored; l-- > 0 && curves < 10;)
         study_curve(c, usual, THRESHOLD_COLUMN, l, curve[curves++]);
     study_csv(csv, c, curve[0], curves * STUDY_EPSILONS);
-    fprintf(page, "<h2>%s</h2>\n", c->name);
+    fputs("<h2>", page);
+    print_escaped(page, c->name);
+    fputs("</h2>\n", page);
     chart(folder, c, "compression", false, (const study_point(*)[STUDY_EPSILONS])curve, curves,
           page);
     chart(folder, c, "epsilon", true, (const study_point(*)[STUDY_EPSILONS])curve, curves, page);

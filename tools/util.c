@@ -186,3 +186,12 @@ double now_s(void) {
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
+
+void print_escaped(FILE *f, const char *text) {
+    for (; *text != '\0'; text++) {
+        if (strchr("<>&\"'", *text) != NULL)
+            fprintf(f, "&#%d;", *text);
+        else
+            fputc(*text, f);
+    }
+}

@@ -31,6 +31,9 @@ char *copy_string(const char *text);
  * absent. */
 char *read_file(const char *path, size_t *bytes);
 
+/* Text in a page of HTML or SVG: what would be markup is not. */
+void print_escaped(FILE *f, const char *text);
+
 /*
  * An output file that is written beside its final name and renamed by commit_output, so that a
  * failure leaves nothing. "-" is standard output.

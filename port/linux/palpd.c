@@ -493,16 +493,20 @@ int main(int argc, char **argv) {
     unroll(&f);
 
     run_record *r = &f.record;
-    r->counters = f.counters;
-    r->frames_sent = loop->in_memory ? loop->memory.sent : loop->port.sent;
-    r->frames_lost = loop->in_memory ? loop->memory.lost : loop->port.lost;
-    r->frames_dropped = loop->port.dropped;
-    r->unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0;
-    r->minor_faults = loop->minor_faults;
+    r->totals = (run_totals){.counters = f.counters,
+                             .frames_sent = loop->in_memory ? loop->memory.sent : loop->port.sent,
+                             .frames_lost = loop->in_memory ? loop->memory.lost : loop->port.lost,
+                             .frames_dropped = loop->port.dropped,
+                             .unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0,
+                             .minor_faults = loop->minor_faults};
+    r->totalled = true;
     r->displacement_m = peak_displacement(&blob, &f.peak);
     memcpy(r->tool_m, &f.peak.tool_m, sizeof r->tool_m);
     report_text(stdout, r);
-    if (s.log != NULL) commit_output(&log);
+    if (s.log != NULL) {
+        record_write_totals(log.file, (double)f.last_tick / s.rate_hz, &r->totals);
+        commit_output(&log);
+    }
     if (s.report != NULL) {
         report_html(page.file, r);
         commit_output(&page);

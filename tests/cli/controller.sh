@@ -25,6 +25,40 @@ for i in 1 2 3; do loop --device arm3 --target board.cost --seconds 0.1 2>/dev/n
 refuses 2 "neither a file nor a target" "--target: no such" loop --device arm3 --target nobody
 $palp replay arm3.log body.palp -o replay.csv >/dev/null && [ "$(wc -l <replay.csv)" -eq 3001 ]; ok $? "replay writes a line per tick"
 $palp report arm3.log -o page.html && grep -q '<svg' page.html; ok $? "report draws a log"
+loop --device arm3 --no-wait --fault overrun@1.5=3 --log over.log >live.txt 2>/dev/null; $palp report over.log -o over.html
+for line in overruns frames guards loop; do
+    live=$(sed -n "s/^$line  *//p" live.txt) page=$(sed 's/<[^>]*>/ /g' over.html | sed -n "s/^ *$line  *//p" | sed 's/ *$//')
+    [ -n "$live" ] && [ "$live" = "$page" ]; ok $? "the report of a log says of $line what the run said: $page"
+done
+grep -v ' palp 1FFF0005' over.log >killed.log; $palp report killed.log -o killed.html
+[ "$(sed 's/<[^>]*>/ /g' killed.html | grep -cE '^ *(overruns|frames|guards|loop) .*not in the log')" -eq 4 ]
+ok $? "and of one whose run did not end, that it is not in the log"
+# the session's description, changed: 64 bytes to a frame
+describe() { python3 - "$1" "$2" "$3" <<'EOF'
+import re, sys
+log, old, new = sys.argv[1:]
+lines = open(log).read().splitlines()
+text = [l for l in lines if ' palp 1FFF0000##1' in l]
+rest = [l for l in lines if l not in set(text)]
+whole = b''.join(bytes.fromhex(l.split('##1')[1]) for l in text).rstrip(b'\0').decode()
+assert old in whole
+whole = whole.replace(old, new, 1).encode()
+print('\n'.join('(0000000000.000000) palp 1FFF0000##1' + whole[i:i + 64].ljust(64, b'\0').hex().upper() for i in range(0, len(whole), 64)))
+print('\n'.join(rest))
+EOF
+}
+if command -v python3 >/dev/null; then
+    for like in ' like' '	like' 'like	'; do
+        describe arm3.log 'kinematics ' "$like /etc/hostname
+kinematics " >like.log
+        refuses 1 "without 'like'" "a log never opens other files ('$like')" $palp report like.log -o out.html
+    done
+    describe arm3.log 'bus loop' 'bus <b>&"loop' | sed 's/ loop / <b>\&"loop /' >markup.log
+    $palp report markup.log -o markup.html && ! grep -q '<b>' markup.html && grep -q '&#60;b&#62;' markup.html
+    ok $? "a name with markup in a log is text in the page"
+else
+    count=$((count + 1)); echo "ok $count - changed descriptions # SKIP python3 is not installed (make deps)"
+fi
 refuses 1 "not the blob" "replay: another blob" $palp replay arm3.log other.palp
 refuses 2 "cannot be opened" "replay: no such log" $palp replay none.log body.palp
 echo hello >bad.log
