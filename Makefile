@@ -1,10 +1,21 @@
 # Palp: see README.md. `make help` lists the targets.
 .DEFAULT_GOAL := all
 .SECONDARY:
+include core/targets.mk
+TARGET ?=
+ifneq ($(TARGET),)
+ifeq ($(filter $(TARGET),$(TARGETS)),)
+$(error no target '$(TARGET)': there are $(TARGETS))
+endif
+CROSS := $(PREFIX_$(TARGET))
+BUILD ?= build/$(TARGET)
+else ifneq ($(filter arm-none-eabi-%,$(CROSS)),)
+$(error $(CROSS)gcc alone would build for ARMv4T without floating point: name a processor with TARGET=, one of $(TARGETS))
+endif
 CROSS ?=
 BUILD ?= build$(if $(CROSS),/$(patsubst %-,%,$(CROSS)))
 PREFIX ?= /usr/local
-VERSION := 0.3
+VERSION := $(shell sed -n 's/^\#define PALP_VERSION "\(.*\)"/\1/p' core/base/version.h)
 CC := $(if $(CROSS),$(CROSS)gcc,$(if $(filter default,$(origin CC)),gcc,$(CC)))
 AR := $(CROSS)ar
 
@@ -12,7 +23,7 @@ WARN := -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloa
         -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla -Werror
 OPTIMISE ?= -O3
 INSTRUMENT ?= # flags of sanitizers, for compiler and linker
-SHARED := -std=c11 $(OPTIMISE) $(INSTRUMENT) -ffp-contract=off -fno-math-errno -I. $(WARN)
+SHARED := -std=c11 $(OPTIMISE) $(FLAGS_$(TARGET)) $(INSTRUMENT) -ffp-contract=off -fno-math-errno -I. $(WARN)
 CORE_FLAGS := $(SHARED) -fno-trapping-math -ffreestanding
 HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
@@ -30,8 +41,10 @@ obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
 HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all size cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
+.PHONY: all lib size cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
+
+lib: $(LIB) ## the library alone; TARGET=cortex-m7 and others of core/targets.mk: for that processor, build/TARGET/libpalp.a
 
 $(BUILD)/core/%.o: core/%.c
 	@mkdir -p $(@D)

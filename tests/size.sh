@@ -23,11 +23,8 @@ target() { # target NAME COMPILER FLAGS...
     deepest=$(awk 'NR == 2 {print $1}' "$work/stack")
     [ "$deepest" -le 4096 ] || { echo "    more than 4096 bytes of stack"; failed=1; }
 }
-target x86-64 gcc
-target x86-64-avx2 gcc -mavx2
-target cortex-a53 aarch64-linux-gnu-gcc
-target cortex-m7 arm-none-eabi-gcc -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard
-target cortex-m55 arm-none-eabi-gcc -mthumb -mcpu=cortex-m55 -mfloat-abi=hard
+of() { sed -n "s/^$1_$2 := *//p" core/targets.mk; } # of PREFIX|FLAGS TARGET
+for t in $(sed -n 's/^TARGETS := //p' core/targets.mk); do target "$t" "$(of PREFIX "$t")gcc" $(of FLAGS "$t"); done
 for blob in "$@"; do
     echo "memory for $blob (palp wcet):"
     "$BUILD/palp" wcet "$blob" | sed -n "s/^memory/    servo:/p"

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+#include "core/base/version.h"
 #include "args.h"
 #include "util.h"
 #include <inttypes.h>
@@ -18,6 +19,10 @@ void args_parse(int argc, char **argv, const option *table, const char *help,
         argument a = {.where = argv[i]};
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
             fputs(help, stdout);
+            exit(0);
+        }
+        if (strcmp(argv[i], "--version") == 0) {
+            printf("palp %s\n", PALP_VERSION);
             exit(0);
         }
         if (argv[i][0] != '-' || argv[i][1] == '\0') {

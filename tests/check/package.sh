@@ -10,6 +10,16 @@ int main(void) { return palp_blob_open(&(palp_blob){0}, 0, 0) == PALP_OK; }
 EOF
 flags=$(PKG_CONFIG_PATH=root/usr/lib/pkgconfig PKG_CONFIG_SYSROOT_DIR=$work/root pkg-config --cflags --libs palp 2>/dev/null)
 gcc user.c $flags -o user && ./user; ok $? "a program against the installed headers and library: $flags"
+for program in palp palpd palp-sim; do root/usr/bin/$program --version; done | uniq >versions.txt
+[ "$(cat versions.txt)" = "palp $(PKG_CONFIG_PATH=root/usr/lib/pkgconfig pkg-config --modversion palp)" ]; ok $? "programs and palp.pc agree: $(cat versions.txt)"
+(cd "$here" && make lib TARGET=z80 2>&1) | grep -q "no target 'z80': there are x86-64"; ok $? "make lib for a processor that is none is refused with those that there are"
+(cd "$here" && make lib CROSS=arm-none-eabi- 2>&1) | grep -q 'name a processor with TARGET='; ok $? "and so is a bare Arm compiler without a processor"
+if command -v arm-none-eabi-gcc >/dev/null; then
+    (cd "$here" && make -s lib TARGET=cortex-m7 BUILD="$work/m7") >/dev/null 2>&1
+    arm-none-eabi-readelf -A "$work/m7/libpalp.a" 2>/dev/null | grep -q 'Tag_ABI_VFP_args'; ok $? "make lib TARGET=cortex-m7 passes floats in registers"
+else
+    count=$((count + 1)); echo "ok $count - make lib TARGET=cortex-m7 # SKIP arm-none-eabi-gcc is not installed (make deps)"
+fi
 missing=""
 for program in palpd:8 palp-sim:1; do
     page=root/usr/share/man/man${program#*:}/${program%:*}.${program#*:}
