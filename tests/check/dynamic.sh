@@ -18,7 +18,7 @@ ok $? "figures 4 to 6 and the speed-up table are written"
 "$here/$BUILD/elements" > elements.txt
 ok $? "5,000 active tetrahedra at 1 kHz on one core: $(sed -n 3p elements.txt)"
 sed 's/^/# /' elements.txt
-"$here/$BUILD/tests/poke" ${PALP_POKES:-20000} > long.txt
+"$here/$BUILD/tests/poke" ${PALP_POKES:-8000} > long.txt
 ok $? "violence, $(sed -n 's/.*(\([0-9.e+]*\) steps).*/\1/p' long.txt | awk '{s += $1} END {printf "%.2g", s}') steps in all"
 sed 's/^/# /' long.txt
 if command -v valgrind >/dev/null; then

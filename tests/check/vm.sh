@@ -2,12 +2,12 @@
 # palp-sim and palpd as two processes over real SocketCAN, in PREEMPT_RT kernels on emulated x86-64 and AArch64.
 #   lock step  every protocol over vcan, classic and FD; over two kvaser controllers on one bus; over a serial-line
 #              adapter: TICKS each, with the very same result as the bus in memory on this host
-#              (TICKS=3000 of them here; make soak takes 10,000)
+#              (TICKS=1500 of them here; make soak takes 10,000)
 #   paced      in virtual time by instruction count: real clock, logs that replay on this host, the device gone,
 #              error-passive, bus-off and restart. It shows function and frame handling, not latency.
 . "$(dirname "$0")/../cli/lib.sh"
 . "$here/tests/vm/lib.sh"
-TICKS=${TICKS:-3000}
+TICKS=${TICKS:-1500}
 skip() { echo "ok 1 - palpd and palp-sim over SocketCAN in virtual machines # SKIP $1"; echo 1..1; exit 0; }
 [ "$(uname -m)" = x86_64 ] || skip "needs an x86-64 host"
 for tool in qemu-system-x86_64 qemu-system-aarch64 aarch64-linux-gnu-gcc cpio apt-get dpkg; do
