@@ -29,16 +29,19 @@ HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
 
 CORE := $(sort $(wildcard core/*/*.c))
-TOOLS := $(sort $(wildcard tools/*.c tools/*/*.c))
-TOOLS_LIB := $(filter-out tools/main.c,$(TOOLS))
+HOST_LIB := $(sort $(wildcard port/host/*.c))
 SIM_LIB := $(filter-out sim/palp_sim.c,$(sort $(wildcard sim/*.c)))
+TOOLS_LIB := $(filter-out tools/cli/main.c,$(sort $(wildcard tools/*/*.c)))
 # Telemetry is built with Cyclone DDS where that is installed (never when cross-building).
 DDS := $(if $(CROSS),,$(shell command -v idlc >/dev/null && pkg-config --exists CycloneDDS && echo yes))
 DDS_UNUSED := port/linux/telemetry_$(if $(DDS),none,dds).c
 DDS_LIBS := $(if $(DDS),$(shell pkg-config --libs CycloneDDS))
-PORT_LIB := $(filter-out port/linux/palpd.c $(DDS_UNUSED),$(sort $(wildcard port/linux/*.c)))
+LINUX_LIB := $(filter-out port/linux/palpd.c $(DDS_UNUSED),$(sort $(wildcard port/linux/*.c)))
 obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
-HOST_OBJ := $(call obj,$(TOOLS_LIB) $(SIM_LIB) $(PORT_LIB)) $(BUILD)/devices.o $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
+SHARED_OBJ := $(call obj,$(HOST_LIB) $(SIM_LIB)) $(BUILD)/devices.o
+LINUX_OBJ := $(SHARED_OBJ) $(call obj,$(LINUX_LIB)) $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
+PALP_OBJ := $(SHARED_OBJ) $(call obj,$(TOOLS_LIB))
+HOST_OBJ := $(sort $(LINUX_OBJ) $(PALP_OBJ))
 LIB := $(BUILD)/libpalp.a
 
 .PHONY: all lib size cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
@@ -73,18 +76,18 @@ $(BUILD)/dds/telemetry_idl.o: $(BUILD)/dds/telemetry_idl.c
 $(BUILD)/port/linux/telemetry_dds.o: $(BUILD)/dds/telemetry_idl.o
 $(BUILD)/port/linux/telemetry_dds.o: HOST_FLAGS += -I$(BUILD)/dds $(shell pkg-config --cflags CycloneDDS 2>/dev/null)
 
-$(BUILD)/palp: $(BUILD)/tools/main.o $(HOST_OBJ) $(LIB)
+$(BUILD)/palp: $(BUILD)/tools/cli/main.o $(PALP_OBJ) $(LIB)
 	@echo '  LD $@'
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
-$(BUILD)/palpd: $(BUILD)/port/linux/palpd.o $(HOST_OBJ) $(LIB)
+$(BUILD)/palpd: $(BUILD)/port/linux/palpd.o $(LINUX_OBJ) $(LIB)
 	@echo '  LD $@'
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
-$(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(HOST_OBJ) $(LIB)
+$(BUILD)/palp-sim: $(BUILD)/sim/palp_sim.o $(LINUX_OBJ) $(LIB)
 	@echo '  LD $@'
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 
 # For ramdisks: no libraries, no telemetry.
-STATIC_OBJ = $(filter-out $(BUILD)/port/linux/telemetry_%.o $(BUILD)/dds/%,$(HOST_OBJ)) $(BUILD)/port/linux/telemetry_none.o
+STATIC_OBJ = $(filter-out $(BUILD)/port/linux/telemetry_%.o $(BUILD)/dds/%,$(LINUX_OBJ)) $(BUILD)/port/linux/telemetry_none.o
 static: $(BUILD)/static/palpd $(BUILD)/static/palp-sim ## palpd and palp-sim linked statically, for ramdisks
 $(BUILD)/static/palpd: $(BUILD)/port/linux/palpd.o $(STATIC_OBJ) $(LIB)
 	@mkdir -p $(@D)

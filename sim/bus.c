@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "bus.h"
+#include "sim/bus.h"
 #include "core/servo/safety.h"
 #include <math.h>
 #include <string.h>

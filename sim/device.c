@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "device.h"
+#include "sim/device.h"
 #include <math.h>
 #include <string.h>
 

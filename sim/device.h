@@ -4,28 +4,8 @@
 #ifndef PALP_SIM_DEVICE_H
 #define PALP_SIM_DEVICE_H
 
-#include "core/device/device.h"
+#include "port/host/devfile.h"
 #include "sim/drive.h"
-
-/* A device file, read: what the controller knows and what only the simulation needs. */
-typedef struct {
-    palp_device device;
-    double friction_N, weight_N;
-    char name[64];
-} device_file;
-
-/* Reads `name_or_path`: a built-in description or a file. Exits 2 with the line named when it is
- * wrong. The rate of its drives is 1000 Hz until the caller sets another. */
-device_file device_load(const char *name_or_path);
-/* The same from text; `name` is what messages call it. */
-device_file device_read(const char *name, const char *text);
-/* The text of a built-in description, or of a file, with what it is `like` written out. To be
- * freed.
- */
-char *device_text(const char *name_or_path);
-
-/* The bus load at the device's rate, in a line; exits 1 above 100 %, warns above 70 %. */
-void device_check_load(const device_file *d, char *text, size_t size);
 
 #define SIM_FRAMES_OUT (PALP_AXES * (SIM_DRIVE_QUEUE + 2))
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "drive.h"
+#include "sim/drive.h"
 #include "core/device/moteus.h"
 #include "core/device/odrive.h"
 #include "core/device/profile.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "faults.h"
-#include "tools/util.h"
+#include "sim/faults.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

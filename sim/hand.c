@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "hand.h"
-#include "tools/util.h"
+#include "sim/hand.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

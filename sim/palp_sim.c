@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* The virtual device and the hand on a SocketCAN interface, for a palpd in another process. */
-#include "bus.h"
+#include "sim/bus.h"
 #include "port/linux/loop.h"
 #include "port/linux/realtime.h"
-#include "tools/args.h"
-#include "tools/util.h"
+#include "port/host/args.h"
+#include "port/host/util.h"
 #include <errno.h>
 #include <inttypes.h>
 #include <net/if.h>

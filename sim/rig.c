@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-#include "rig.h"
-#include "sim/placement.h"
-#include "tools/util.h"
+#include "sim/rig.h"
+#include "port/host/placement.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

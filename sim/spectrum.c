@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "spectrum.h"
+#include "sim/spectrum.h"
 #include <math.h>
 
 double spectrum_largest(const double *signal, uint32_t count, double rate_hz, int low_hz,

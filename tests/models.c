@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-#include "models.h"
+#include "tests/models.h"
 #include "core/base/crc32c.h"
-#include "tools/args.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/args.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -4,9 +4,9 @@
 #define PALP_TESTS_MODELS_H
 
 #include "core/palp.h"
-#include "tools/build.h"
-#include "tools/tetbake.h"
-#include "tools/zonebake.h"
+#include "tools/bake/build.h"
+#include "tools/tet/tetbake.h"
+#include "tools/zone/zonebake.h"
 
 /* Unit sphere: an icosahedron split `levels` times, vertices coarse to fine. */
 mesh model_sphere(uint32_t levels);

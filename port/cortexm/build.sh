@@ -11,7 +11,7 @@ esac
 arm-none-eabi-gcc -mthumb -mfloat-abi=hard $arch -std=c11 -O3 -ffp-contract=off -fno-math-errno \
     -fno-trapping-math -ffreestanding -fno-tree-loop-distribute-patterns -ffunction-sections \
     -fdata-sections -Wl,--gc-sections -nostdlib -nostartfiles -I. "$@" -DBLOB="\"$blob\"" -T "$script" \
-    port/cortexm/*.c port/cortexm/blob.S sim/orbit.c core/*/*.c -lgcc -o "$out"
+    port/cortexm/*.c port/cortexm/blob.S core/*/*.c -lgcc -o "$out"
 arm-none-eabi-size -A "$out" | awk '
     $1 == ".text" {text = $2} $1 == ".blob" {blob = $2} $1 == ".data" {data = $2} $1 == ".bss" {bss = $2}
     END {printf "flash: code and constants %d, blob %d; RAM: data %d, zeroed %d bytes\n", text + data, blob, data, bss}'

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * A controller without an operating system: opens the blob in flash, and ticks with a device whose
- * joints go round (sim/orbit.h) until TICKS are done. Prints what the image takes, what its ticks
+ * joints go round (orbit.h) until TICKS are done. Prints what the image takes, what its ticks
  * took, and a hash of every frame and force, which is the same on every machine.
  */
-#include "semihost.h"
-#include "sim/orbit.h"
-#include "systick.h"
+#include "port/cortexm/semihost.h"
+#include "port/cortexm/orbit.h"
+#include "port/cortexm/systick.h"
 
 #ifndef TICKS
 #define TICKS 4000u

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Start-up of a bare Cortex-M: vectors, FPU, memory, main, and out by semihosting. */
-#include "semihost.h"
+#include "port/cortexm/semihost.h"
 
 extern uint32_t stack_top, bss_begin, bss_end, data_load, data_begin, data_end;
 int main(void);

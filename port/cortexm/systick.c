@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "systick.h"
+#include "port/cortexm/systick.h"
 
 #define CSR (*(volatile uint32_t *)0xE000E010u)
 #define RVR (*(volatile uint32_t *)0xE000E014u)

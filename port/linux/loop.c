@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-#include "loop.h"
+#include "port/linux/loop.h"
 #include "port/linux/realtime.h"
-#include "sim/subnormals.h"
+#include "port/host/subnormals.h"
 #include <string.h>
 #include <time.h>
 
@@ -71,8 +71,9 @@ uint64_t loop_clock(void *context) {
 /* ---- one tick ---- */
 
 static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
-    if (l->in_memory) {
-        t->in_count = sim_bus_pass(&l->memory, 1 / l->rate_hz, t->in, RECORD_FRAMES, &t->events);
+    if (l->memory != NULL) {
+        t->in_count =
+            l->memory->pass(l->memory->context, 1 / l->rate_hz, t->in, RECORD_FRAMES, &t->events);
     } else if (l->lockstep) {
         lockstep_turn turn = {.tick = LOCKSTEP_HELLO};
         if (!lockstep_receive(&l->port, LOCKSTEP_PATIENCE_MS, t->in, RECORD_FRAMES, &turn,
@@ -98,15 +99,16 @@ static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
 
 static void send(servo_loop *l, uint32_t tick, const palp_can_frame *frames, uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
-        if (l->in_memory) {
-            if (!sim_bus_send(&l->memory, &frames[i])) l->port.events |= PALP_EVENT_BUS_FULL;
+        if (l->memory != NULL) {
+            if (!l->memory->send(l->memory->context, &frames[i]))
+                l->port.events |= PALP_EVENT_BUS_FULL;
         } else if (l->lockstep) {
             (void)lockstep_send(&l->port, &frames[i]);
         } else if (!can_send(&l->port, &frames[i])) {
             break; /* what is queued will act late: fault, never send again */
         }
     }
-    if (l->lockstep && !l->in_memory) {
+    if (l->lockstep && l->memory == NULL) {
         palp_can_frame mark = lockstep_mark(tick, count);
         (void)lockstep_send(&l->port, &mark);
     }
@@ -138,12 +140,12 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
     double period_us = 1e6 / l->rate_hz;
     t->late_us = late_us;
     t->skipped = skipped;
-    bool wall = l->paced && !l->in_memory;
+    bool wall = l->paced && l->memory == NULL;
     t->time_s = wall ? wall_s() : (double)tick / l->rate_hz;
     receive(l, (uint32_t)tick, t);
     for (uint32_t i = 0; i < t->in_count && !wall; i++) t->in_time_s[i] = t->time_s;
     /* A simulated device waits with us: for it nobody is late. */
-    if (!l->in_memory && (double)late_us > 0.5 * period_us) t->events |= PALP_EVENT_LATE;
+    if (l->memory == NULL && (double)late_us > 0.5 * period_us) t->events |= PALP_EVENT_LATE;
     palp_tick_input in = {
         .frames = t->in, .count = t->in_count, .skipped = t->skipped, .events = t->events};
     l->current = t;
@@ -160,7 +162,7 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
 /* Torques to zero and drives to idle, whatever the state was. */
 static void close_down(servo_loop *l) {
     tick_record *t = &l->scratch;
-    if (l->lockstep && !l->in_memory) return; /* the other end has gone by now */
+    if (l->lockstep && l->memory == NULL) return; /* the other end has gone by now */
     for (int i = 0; i < CLOSING_TICKS; i++) {
         palp_tick_input in = {.events = PALP_EVENT_ESTOP};
         uint32_t n = palp_servo_tick(l->servo, &in, t->out, &t->report);
@@ -192,21 +194,23 @@ void *loop_run(void *context) {
     servo_loop *l = context;
     uint64_t period_ns = (uint64_t)(1e9 / l->rate_hz), digest = 0;
     subnormals_off();
-    if (!l->in_memory && can_listen(&l->port) && l->lockstep) meet(l);
+    if (l->memory == NULL && can_listen(&l->port) && l->lockstep) meet(l);
     uint64_t next = monotonic_ns(NULL), faults = 0;
     for (uint64_t tick = 0; (l->ticks == 0 || tick < l->ticks) && !l->stop; tick++) {
-        uint32_t skipped = l->in_memory ? sim_bus_overrun(&l->memory, 1 / l->rate_hz) : 0;
+        uint32_t skipped =
+            l->memory != NULL ? l->memory->overrun(l->memory->context, 1 / l->rate_hz) : 0;
         for (uint32_t i = 0; i < skipped; i++) { /* the device goes on without us */
             uint32_t events;
-            (void)sim_bus_pass(&l->memory, 1 / l->rate_hz, l->scratch.in, RECORD_FRAMES, &events);
+            (void)l->memory->pass(l->memory->context, 1 / l->rate_hz, l->scratch.in, RECORD_FRAMES,
+                                  &events);
         }
         float late_us = 0;
         if (l->paced) {
             uint32_t missed = wait(period_ns, &next, &late_us);
-            if (!l->in_memory) skipped = missed;
+            if (l->memory == NULL) skipped = missed;
         }
         tick += skipped;
-        if (!l->in_memory && skipped > STALE_PERIODS) can_drain(&l->port);
+        if (l->memory == NULL && skipped > STALE_PERIODS) can_drain(&l->port);
         one_tick(l, tick, skipped, late_us, &digest);
         if (l->done++ == 10) faults = minor_faults(); /* by then everything has been touched */
     }

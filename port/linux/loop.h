@@ -7,10 +7,9 @@
 #ifndef PALP_PORT_LOOP_H
 #define PALP_PORT_LOOP_H
 
-#include "port/linux/ring.h"
+#include "port/host/ring.h"
 #include "port/linux/socketcan.h"
-#include "sim/bus.h"
-#include "sim/record.h"
+#include "port/host/record.h"
 
 /*
  * Lock step, for comparisons in which timing does not enter: after each tick's frames both ends
@@ -32,12 +31,21 @@ bool lockstep_receive(can_port *port, int timeout_ms, palp_can_frame *frames, ui
 /* Sends and, as timing does not enter, waits while the interface is busy. */
 bool lockstep_send(can_port *port, const palp_can_frame *frame);
 
+/* A bus in this process in place of the port: what comes in a period, and whether a frame was
+ * taken; periods that the controller misses now. */
+typedef struct {
+    void *context;
+    uint32_t (*pass)(void *context, double dt_s, palp_can_frame *frames, uint32_t room,
+                     uint32_t *events);
+    bool (*send)(void *context, const palp_can_frame *frame);
+    uint32_t (*overrun)(void *context, double dt_s);
+} memory_bus;
+
 typedef struct {
     palp_servo *servo;
     double rate_hz;
-    uint64_t ticks; /* 0: until stopped */
-    bool in_memory; /* the bus is `memory`, else `port` */
-    sim_bus memory;
+    uint64_t ticks;           /* 0: until stopped */
+    const memory_bus *memory; /* NULL: the bus is `port` */
     can_port port;
     bool paced;    /* wait for the clock; else as fast as it goes, dropping nothing */
     bool lockstep; /* no clock at all */

@@ -3,16 +3,17 @@
  * after what it publishes: log, report, telemetry. */
 #include "core/base/crc32c.h"
 #include "core/palp.h"
-#include "loop.h"
-#include "realtime.h"
-#include "sim/placement.h"
-#include "sim/report.h"
-#include "sim/view.h"
-#include "telemetry.h"
-#include "tools/args.h"
-#include "tools/commands.h"
-#include "tools/calibrate.h"
-#include "tools/util.h"
+#include "port/linux/loop.h"
+#include "port/linux/realtime.h"
+#include "port/host/placement.h"
+#include "sim/bus.h"
+#include "port/host/report.h"
+#include "port/host/view.h"
+#include "port/linux/telemetry.h"
+#include "port/host/args.h"
+#include "port/host/blobfile.h"
+#include "port/host/calibrate.h"
+#include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
 #include <signal.h>
@@ -240,7 +241,7 @@ static void announce(follower *f, const palp_report *r) {
     f->last_state = r->state;
     char faults[128];
     report_faults(r->faults, faults, sizeof faults);
-    bool quiet = f->loop->in_memory || f->spec->lockstep;
+    bool quiet = f->loop->memory != NULL || f->spec->lockstep;
     if (r->state == PALP_STATE_HOMING && !f->spec->home) {
         warn("HOMING: hold the mechanism at its home pose ('joint-home' of the device), then send "
              "SIGUSR1");
@@ -260,7 +261,7 @@ static void follow_tick(follower *f, const tick_record *t) {
     uint64_t lost = f->followed > 0 ? r->tick - f->last_tick - 1 : r->tick;
     if (f->log != NULL) {
         if (lost > 0) record_write_gap(f->log, t->time_s, lost);
-        record_write_tick(f->log, f->loop->in_memory ? "loop" : f->spec->bus, t);
+        record_write_tick(f->log, f->loop->memory != NULL ? "loop" : f->spec->bus, t);
     }
     f->last_tick = r->tick;
     f->digest = t->digest;
@@ -307,13 +308,24 @@ static void unroll(follower *f) {
     r->late_us = late_us;
 }
 
+/* The simulated device of --bus loop. */
+static sim_bus simulated;
+
+static uint32_t pass(void *bus, double dt_s, palp_can_frame *frames, uint32_t room,
+                     uint32_t *events) {
+    return sim_bus_pass(bus, dt_s, frames, room, events);
+}
+static bool send(void *bus, const palp_can_frame *frame) { return sim_bus_send(bus, frame); }
+static uint32_t overrun(void *bus, double dt_s) { return sim_bus_overrun(bus, dt_s); }
+static const memory_bus in_this_process = {&simulated, pass, send, overrun};
+
 static void open_bus(servo_loop *l, const daemon_spec *s, const device_file *file) {
     const palp_device *d = &file->device;
-    l->in_memory = strcmp(s->bus, "loop") == 0;
-    if (l->in_memory) {
+    if (strcmp(s->bus, "loop") == 0) {
         fault_list f =
             s->fault != NULL ? faults_read(s->fault, s->seed) : (fault_list){.seed = s->seed};
-        sim_bus_init(&l->memory, file, hand_load(s->hand), f);
+        sim_bus_init(&simulated, file, hand_load(s->hand), f);
+        l->memory = &in_this_process;
         return;
     }
     palp_can_filter filter[PALP_AXES * PALP_DRIVE_FILTERS + 1];
@@ -379,7 +391,7 @@ static int conclude(const daemon_spec *s, const follower *f) {
                " frames lost or out of turn, digest %016" PRIx64 "\n",
                f->loop->done, f->loop->lockstep_lost, f->digest);
     if (last->state == PALP_STATE_RUN && last->faults == 0) return EXIT_SUCCESS;
-    if ((last->faults & PALP_FAULT_BUS) != 0 && !f->loop->in_memory)
+    if ((last->faults & PALP_FAULT_BUS) != 0 && f->loop->memory == NULL)
         warn("the bus failed: check the interface (ip -details link show %s)", s->bus);
     char faults[128];
     report_faults(last->faults, faults, sizeof faults);
@@ -494,8 +506,8 @@ int main(int argc, char **argv) {
 
     run_record *r = &f.record;
     r->totals = (run_totals){.counters = f.counters,
-                             .frames_sent = loop->in_memory ? loop->memory.sent : loop->port.sent,
-                             .frames_lost = loop->in_memory ? loop->memory.lost : loop->port.lost,
+                             .frames_sent = loop->memory != NULL ? simulated.sent : loop->port.sent,
+                             .frames_lost = loop->memory != NULL ? simulated.lost : loop->port.lost,
                              .frames_dropped = loop->port.dropped,
                              .unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0,
                              .minor_faults = loop->minor_faults};

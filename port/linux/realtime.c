@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "realtime.h"
-#include "tools/util.h"
+#include "port/linux/realtime.h"
+#include "port/host/util.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>

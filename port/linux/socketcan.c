@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-#include "socketcan.h"
+#include "port/linux/socketcan.h"
 #include "core/servo/safety.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <errno.h>
 #include <linux/can.h>
 #include <linux/can/error.h>

@@ -13,7 +13,7 @@
 #ifndef PALP_PORT_TELEMETRY_H
 #define PALP_PORT_TELEMETRY_H
 
-#include "sim/record.h"
+#include "port/host/record.h"
 
 typedef struct telemetry telemetry;
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /* The build with Cyclone DDS. Writing may lock, allocate and send, so it has a thread of its own
  * behind a ring of its own: neither the loop nor the log waits for it. */
-#include "ring.h"
-#include "sim/report.h"
-#include "telemetry.h"
+#include "port/host/ring.h"
+#include "port/host/report.h"
+#include "port/linux/telemetry.h"
 #include "telemetry_idl.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <dds/dds.h>
 #include <inttypes.h>
 #include <pthread.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The build without Cyclone DDS. */
-#include "telemetry.h"
-#include "tools/util.h"
+#include "port/linux/telemetry.h"
+#include "port/host/util.h"
 
 telemetry *telemetry_open(const palp_device *device) {
     (void)device;

@@ -7,9 +7,9 @@
  */
 #include "core/base/linalg.h"
 #include "tests/models.h"
-#include "tools/press.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "tools/press/press.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <dlfcn.h>
 #include <math.h>
 #include <stdlib.h>
@@ -328,7 +328,7 @@ static void measure_contact(const palp_blob *b) {
     printf("\ncontact ticks while sliding (median)\n");
     for (uint32_t l = PALP_CONTACT_LEVELS; l-- > 0;) {
         double t[400];
-        palp_contact *c = press_open(b, &tool, 1, l);
+        palp_contact *c = contact_open(b, &tool, 1, l);
         const palp_domain *d = &b->domain[PALP_FREE];
         palp_surface_point p = press_start(c, d->node[d->level_start[1] / 2]);
         palp_vec3 side = palp_cross(p.n, (palp_vec3){0.3f, 0.5f, 0.8f});
@@ -344,7 +344,7 @@ static void measure_contact(const palp_blob *b) {
                  l, c->count, c->active_count);
         double typical = median(t, 400);
         row(name, typical, "us", "period at 1 kHz (share)", typical / 1000);
-        press_close(c);
+        contact_close(c);
     }
 }
 

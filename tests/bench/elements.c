@@ -2,7 +2,7 @@
 /* Time of a tick of a dynamic body with about 5,000 active tetrahedra, per element evaluation,
  * beside the time that reading the elements takes. */
 #include "tests/models.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>

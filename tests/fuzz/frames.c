@@ -11,9 +11,9 @@
  */
 #include "core/palp.h"
 #include "sim/bus.h"
-#include "sim/placement.h"
-#include "tools/commands.h"
-#include "tools/util.h"
+#include "port/host/placement.h"
+#include "port/host/blobfile.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -11,12 +11,12 @@
  *   - the force at rest has no line above 0.01 N from 20 to 500 Hz
  *   - a reset brings it back to RUN, every time
  */
-#include "sim/report.h"
+#include "port/host/report.h"
 #include "sim/rig.h"
 #include "sim/spectrum.h"
 #include "tests/tap.h"
-#include "tools/commands.h"
-#include "tools/util.h"
+#include "port/host/blobfile.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>

@@ -2,9 +2,9 @@
 /* The boundary element solver against exact solutions. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/dense.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "tools/solver/dense.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

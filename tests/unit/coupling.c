@@ -4,8 +4,8 @@
 #include "core/haptic/coupling.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/press.h"
+#include "port/host/parallel.h"
+#include "tools/press/press.h"
 
 #define DT_S 0.001f
 #define RADIUS 0.3f
@@ -17,7 +17,7 @@ typedef struct {
 } hand;
 
 static hand take(const baked *b, const palp_tool *tool, float damping) {
-    hand h = {.contact = press_open(&b->blob, tool, 1, 3)};
+    hand h = {.contact = contact_open(&b->blob, tool, 1, 3)};
     palp_coupling_reset(&h.coupling);
     h.coupling.tool[0].stiffness_N_per_m = STIFFNESS;
     h.coupling.tool[0].damping_Ns_per_m = damping;
@@ -62,7 +62,7 @@ static void test_drag(const baked *b, const palp_tool *tool, double speed) {
     AT_MOST(drag, 0.01, "slid without friction at %g mm/s: tangential over normal force",
             1000 * speed);
     CHECK(least > 1, "pressed by %.1f N at least", least);
-    press_close(h.contact);
+    contact_close(h.contact);
 }
 
 /* Goes in and out at a speed. */
@@ -97,8 +97,8 @@ static void test_touch(const baked *b, const palp_tool *tool, double speed) {
     AT_MOST(damped, 0.52, "the damper over the spring's force");
     CHECK(work < -fabs(bare_work) - 1e-3,
           "in and out took %.3g J from the hand, without damping %.3g", -work, -bare_work);
-    press_close(h.contact);
-    press_close(bare.contact);
+    contact_close(h.contact);
+    contact_close(bare.contact);
 }
 
 /* A velocity that was measured is the one that damps. */
@@ -113,7 +113,7 @@ static void test_measured(const baked *b, const palp_tool *tool) {
     h.coupling.tool[0].velocity_m_s = (palp_vec3){0.01f, 0, 0};
     const palp_vec3 aside = tick(&h, above(0, -0.05)).force_N;
     AT_MOST(fabs((double)aside.x), 0.01 * still, "across, nothing: N");
-    press_close(h.contact);
+    contact_close(h.contact);
 }
 
 int main(void) {

@@ -4,8 +4,8 @@
 #include "core/green/detail.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

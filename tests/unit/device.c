@@ -5,7 +5,7 @@
 #include "core/palp.h"
 #include "sim/device.h"
 #include "tests/tap.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -5,7 +5,7 @@
 #include "core/dyna/skin.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

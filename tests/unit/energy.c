@@ -6,12 +6,12 @@
  * it at most 1e-5 of what was stored (0.05 mJ where ticks were preempted), or DAMPING within 1 mJ.
  * Each failure is told with its seed.
  */
-#include "sim/report.h"
+#include "port/host/report.h"
 #include "sim/rig.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

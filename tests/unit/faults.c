@@ -4,12 +4,12 @@
  * and within limits, is gone in time, what must latch latches, and a reset brings it back. Prints
  * the table of fault, detection time and time to zero force.
  */
-#include "sim/report.h"
+#include "port/host/report.h"
 #include "tests/models.h"
 #include "sim/rig.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>

@@ -9,9 +9,9 @@
 #include "core/contact/friction.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,7 +31,7 @@ static pressed open_at(const baked *b, float mu, float sliding, uint32_t level) 
     *p.tool = palp_tool_sphere(radius);
     p.tool->friction = mu;
     p.tool->sliding = sliding;
-    p.contact = press_open(&b->blob, p.tool, 1, level);
+    p.contact = contact_open(&b->blob, p.tool, 1, level);
     return p;
 }
 
@@ -40,7 +40,7 @@ static pressed open_on(const baked *b, float mu, float sliding) {
 }
 
 static void close_on(pressed *p) {
-    press_close(p->contact);
+    contact_close(p->contact);
     free(p->tool);
 }
 
@@ -446,7 +446,7 @@ static pressed open_in_groove(const baked *b, float mu) {
                  .top = {0.5f, 0.5f, 1 - (float)GROOVE + radius * sqrtf(2)}};
     *p.tool = palp_tool_sphere(radius);
     p.tool->friction = mu;
-    p.contact = press_open(&b->blob, p.tool, 1, PALP_CONTACT_FINEST);
+    p.contact = contact_open(&b->blob, p.tool, 1, PALP_CONTACT_FINEST);
     return p;
 }
 
@@ -504,10 +504,10 @@ static double steps_in_valley(const baked *b, bool from_below, uint32_t *most, u
     pressed p = open_in_groove(b, 0.4f);
     palp_vec3 before = {0, 0, 0};
     double step = 0, normal = 0, normal_before = 0;
-    press_close(p.contact);
+    contact_close(p.contact);
     *p.tool = palp_tool_sphere(0.22f);
     p.tool->friction = 0.4f;
-    p.contact = press_open(&b->blob, p.tool, 1, PALP_CONTACT_FINEST);
+    p.contact = contact_open(&b->blob, p.tool, 1, PALP_CONTACT_FINEST);
     p.top.z = 1.22f;
     *most = 0;
     *least = 9;

@@ -5,8 +5,8 @@
 #include "core/servo/answer.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -190,7 +190,7 @@ static void test_cut(uint32_t n, uint32_t level) {
     const float radius = 0.008f;
     const palp_tool tool = palp_tool_sphere(radius);
     palp_contact *c = open_contact(a, false, &tool, PALP_CONTACT_FINEST);
-    palp_contact *one = press_open(&whole.blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *one = contact_open(&whole.blob, &tool, 1, PALP_CONTACT_FINEST);
     double worst = 0, mean = 0, step = 0, last = 0;
     int count = 0;
     for (int i = 0; i <= 60; i++) {

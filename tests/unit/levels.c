@@ -3,9 +3,9 @@
  * level. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/dense.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "tools/solver/dense.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,11 +2,11 @@
 /* Connectivity, subdivision and remeshing. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/remesh.h"
-#include "tools/sha256.h"
-#include "tools/simplify.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "tools/mesh/remesh.h"
+#include "tools/bake/sha256.h"
+#include "tools/mesh/simplify.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -4,9 +4,9 @@
 #include "core/servo/dynamic.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/press.h"
-#include "tools/speedup.h"
-#include "tools/util.h"
+#include "tools/press/press.h"
+#include "tools/study/speedup.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -146,11 +146,11 @@ static void check_against_elastostatic(void) {
     const float radius = 0.04f, depth = 0.004f, top = 0.025f;
     const baked b = model_bake(ellipsoid(3, 2), -0.02, 0, false, false);
     const palp_tool tool = palp_tool_sphere(radius);
-    palp_contact *c = press_open(&b.blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(&b.blob, &tool, 1, PALP_CONTACT_FINEST);
     press_hold(c, (palp_vec3){0, top + radius - depth, 0}, 20);
     const double still = (double)palp_norm(c->force_N[0]);
     const double young = (double)b.blob.meta->young_Pa, poisson = (double)b.blob.meta->poisson;
-    press_close(c);
+    contact_close(c);
     for (size_t k = 0; k < 2; k++) {
         dynamic_body body = make_pinned(&nodes[k], 1, young, poisson, 0, -0.02);
         palp_material m = palp_material_of((float)young, (float)poisson, 1000.0f, 1e-3f, 40.0f);

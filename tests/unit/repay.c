@@ -4,8 +4,8 @@
 #include "core/contact/repay.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/press.h"
+#include "port/host/parallel.h"
+#include "tools/press/press.h"
 #include <math.h>
 
 /* A round about a place on a body: in and out while it goes round, so that nothing cancels. */
@@ -41,7 +41,7 @@ typedef struct {
 static round_result go_round(const round_path *p, int ticks, uint32_t level, uint32_t levels,
                              double soft) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
-    palp_contact *c = press_open(&p->body->blob, &tool, 1, level);
+    palp_contact *c = contact_open(&p->body->blob, &tool, 1, level);
     palp_vec3 before_m = {0}, before_N = {0}, repaid_N = {0};
     round_result r = {.work = 0};
     double stored = 0, stiffness = 0;
@@ -69,7 +69,7 @@ static round_result go_round(const round_path *p, int ticks, uint32_t level, uin
         before_N = c->force_N[0];
         repaid_N = c->repaid_N[0];
     }
-    press_close(c);
+    contact_close(c);
     r.work = fabs(r.work) / stored;
     return r;
 }
@@ -94,7 +94,7 @@ static void test_rounds(const round_path *p, const char *name, double slow, doub
 /* A hand on a spring stops on a sharp edge: what was being repaid fades and the force stays. */
 static void test_rest(const round_path *p) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
-    palp_contact *c = press_open(&p->body->blob, &tool, 1, 1);
+    palp_contact *c = contact_open(&p->body->blob, &tool, 1, 1);
     palp_vec3 at = {0}, felt = {0};
     double owed = 0, drift = 0, repaid = 0;
     const float stiffness = 2.0f * p->body->blob.meta->stiffness_max_N_per_m;
@@ -113,7 +113,7 @@ static void test_rest(const round_path *p) {
     CHECK(owed > 1e-4, "over a sharp edge something is owed: %.2g of the energy", owed);
     AT_MOST(repaid, 0, "a hand that rests is repaid nothing (N)");
     AT_MOST(drift, 1e-3, "and its force stays, within");
-    press_close(c);
+    contact_close(c);
 }
 
 /* Two tools go round at once: what one owes the other may repay, so both together are counted. */
@@ -121,7 +121,7 @@ static void test_two(const round_path p[2]) {
     enum { TICKS = 3000 };
     const palp_tool tool[2] = {palp_tool_sphere((float)p[0].radius),
                                palp_tool_sphere((float)p[1].radius)};
-    palp_contact *c = press_open(&p[0].body->blob, tool, 2, 2);
+    palp_contact *c = contact_open(&p[0].body->blob, tool, 2, 2);
     palp_vec3 before_m[2] = {{0}}, before_N[2] = {{0}};
     double work = 0, stored = 0;
     for (int k = 0; k <= 2 * TICKS; k++) {
@@ -141,7 +141,7 @@ static void test_two(const round_path p[2]) {
         stored = fmax(stored, (double)c->energy_J);
     }
     AT_MOST(fabs(work) / stored, 5e-3, "two tools, one on an edge: net work over stored");
-    press_close(c);
+    contact_close(c);
 }
 
 /* On a spring: the work is that on the tool, and little is repaid where little is owed. */
@@ -154,7 +154,7 @@ static void test_spring(const round_path *p, double soft) {
 /* Round an edge again and again, too fast to repay: what is owed does not grow. */
 static void test_many(const round_path *p) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
-    palp_contact *c = press_open(&p->body->blob, &tool, 1, 3);
+    palp_contact *c = contact_open(&p->body->blob, &tool, 1, 3);
     double most = 0, owed = 0;
     for (int k = 0; k < 1600; k++) {
         press_hold(c, on_path(p, k / 40.0), 1);
@@ -162,14 +162,14 @@ static void test_many(const round_path *p) {
         owed = fmax(owed, fabs((double)c->owed_J));
     }
     AT_MOST(owed, 0.501 * most, "40 rounds in 40 ms each: owed of %.3g J at most, J", most);
-    press_close(c);
+    contact_close(c);
 }
 
 /* One of two tools lets go: its energy is not repaid to the other. */
 static void test_one_lets_go(const round_path p[2]) {
     const palp_tool tool[2] = {palp_tool_sphere((float)p[0].radius),
                                palp_tool_sphere((float)p[1].radius)};
-    palp_contact *c = press_open(&p[0].body->blob, tool, 2, 3);
+    palp_contact *c = contact_open(&p[0].body->blob, tool, 2, 3);
     double before = 0, jump = 0;
     for (int k = 0; k < 600; k++) {
         palp_vec3 at[2] = {on_path(&p[0], k / 3000.0), on_path(&p[1], k / 3000.0)};
@@ -181,19 +181,19 @@ static void test_one_lets_go(const round_path p[2]) {
         before = now;
     }
     AT_MOST(jump, 0.02, "one of two tools lets go: what is owed changes, over what is stored, by");
-    press_close(c);
+    contact_close(c);
 }
 
 /* What is not touched any more owes nothing. */
 static void test_release(const round_path *p) {
     const palp_tool tool = palp_tool_sphere((float)p->radius);
-    palp_contact *c = press_open(&p->body->blob, &tool, 1, 1);
+    palp_contact *c = contact_open(&p->body->blob, &tool, 1, 1);
     for (int k = 0; k < 500; k++) press_hold(c, on_path(p, k / 1500.0), 1);
     press_hold(c, palp_madd(p->top, 2.0f * (float)p->radius, p->n), 2);
     AT_MOST(fabs((double)c->owed_J), 0, "let go: nothing is owed (J)");
     press_hold(c, on_path(p, 0), 1);
     AT_MOST((double)palp_norm(c->repaid_N[0]), 0, "nor repaid when it is touched again (N)");
-    press_close(c);
+    contact_close(c);
 }
 
 int main(void) {

@@ -3,10 +3,10 @@
  * and elimination in double. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/dense.h"
-#include "tools/electrostatics.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "tools/solver/dense.h"
+#include "tools/solver/electrostatics.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>

@@ -5,10 +5,10 @@
 #include "core/contact/loads.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/nodal.h"
-#include "tools/parallel.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/solver/nodal.h"
+#include "port/host/parallel.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -98,7 +98,7 @@ static void test_hertz(const baked *b) {
             double depth = a * a / rho, force = 0, h = 0;
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+            palp_contact *c = contact_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + radius - depth);
             press_hold(c, at, 8);
             palp_surface_point p = c->point[0].at;
@@ -117,7 +117,7 @@ static void test_hertz(const baked *b) {
             square += error * error;
             double along = (double)palp_dot(c->force_N[0], times(d, 1));
             aside = fmax(aside, acos(fmin(along / (double)palp_norm(c->force_N[0]), 1)));
-            press_close(c);
+            contact_close(c);
         }
         double mean = sum / places;
         AT_MOST(fabs(100 * mean), mean_goal[s],
@@ -138,14 +138,14 @@ static void test_dense(const baked *b) {
         for (int i = 0; i < 3; i++) {
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+            palp_contact *c = contact_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + radius * (1 - depth[s]));
             const double center[3] = {(double)at.x, (double)at.y, (double)at.z};
             press_hold(c, at, 10);
             const nodal_press all = nodal_hold(&b->blob, center, radius);
             CHECK(all.settled, "%u nodes near, %u touch", all.near, all.touched);
             worst = fmax(worst, fabs((double)palp_norm(c->force_N[0]) / v_norm(all.force_N) - 1));
-            press_close(c);
+            contact_close(c);
         }
         AT_MOST(100 * worst, s == 0 ? 12 : 5,
                 "tool of 6 edges, depth %g R: off all nodes in true geometry, in %%", depth[s]);
@@ -164,7 +164,7 @@ static void test_gradient(const baked *b) {
     tool[3].cylinder = (palp_cylinder){
         .axis = {1, 0, 0}, .radius_m = 1.5f * e, .half_m = 2.0f * e, .rim_m = 0.7f * e};
     for (size_t s = 0; s < 4; s++) {
-        palp_contact *c = press_open(&b->blob, &tool[s], 1, PALP_CONTACT_FINEST);
+        palp_contact *c = contact_open(&b->blob, &tool[s], 1, PALP_CONTACT_FINEST);
         float size = palp_tool_size(&tool[s]), step = 0.01f * size;
         palp_vec3 at = {0.05f, -0.02f, 1.0f + 0.85f * (s == 3 ? 1.5f * e : size)}, gradient = {0};
         press_hold(c, at, 30);
@@ -183,7 +183,7 @@ static void test_gradient(const baked *b) {
         }
         double off = (double)(palp_norm(palp_sub(gradient, force)) / palp_norm(force));
         AT_MOST(off, s < 2 ? 2e-3 : 3e-2, "%s: force against differences of the energy", name[s]);
-        press_close(c);
+        contact_close(c);
     }
 }
 
@@ -196,7 +196,7 @@ static void test_levels(const baked *b) {
             double d[3], radius = (1 + i % 4) * e;
             direction(&seed, d);
             palp_tool tool = palp_tool_sphere((float)radius);
-            palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+            palp_contact *c = contact_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
             palp_vec3 at = times(d, 1 + 0.9 * radius);
             c->now = PALP_CONTACT_LEVELS - 1u;
             press_hold(c, at, 8);
@@ -205,7 +205,7 @@ static void test_levels(const baked *b) {
             press_hold(c, at, 8);
             worst =
                 fmax(worst, (double)(palp_norm(palp_sub(fine, c->force_N[0])) / palp_norm(fine)));
-            press_close(c);
+            contact_close(c);
         }
         AT_MOST(100 * worst, l < 3 ? 6 : 3, "level %u against %u, worst of 12, in %%", l,
                 PALP_CONTACT_LEVELS - 1u);
@@ -349,18 +349,18 @@ static void test_friction(const palp_blob *b) {
 static void test_two_tools(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
     palp_tool tool[2] = {palp_tool_sphere(2 * e), palp_tool_sphere(2 * e)};
-    palp_contact *c = press_open(&b->blob, tool, 2, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(&b->blob, tool, 2, PALP_CONTACT_FINEST);
     const palp_vec3 at[2] = {{0, 0, 1 + 1.7f * e}, {1 + 1.7f * e, 0, 0.2f}};
     const palp_contact_spring held[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
     for (int i = 0; i < 10; i++) palp_contact_solve(c, at, held);
     float both = c->normal_N[0];
-    palp_contact *one = press_open(&b->blob, tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *one = contact_open(&b->blob, tool, 1, PALP_CONTACT_FINEST);
     press_hold(one, at[0], 10);
     AT_MOST(fabs((double)(both / one->normal_N[0]) - 1), 0.05,
             "a second tool far away changes little");
     CHECK(c->normal_N[1] > 0.0f, "and presses as well");
-    press_close(c);
-    press_close(one);
+    contact_close(c);
+    contact_close(one);
 }
 
 static palp_vec3 sum_of_loads(const palp_contact *c) {
@@ -375,7 +375,7 @@ static palp_vec3 sum_of_loads(const palp_contact *c) {
 static void test_loads(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
     palp_tool tool = palp_tool_sphere(2 * e);
-    palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
     const palp_vec3 at = {0, 0, 1 + 1.7f * e};
     press_hold(c, at, 10);
     const palp_vec3 pushed = palp_sub(c->force_N[0], c->beyond_N[0]);
@@ -394,7 +394,7 @@ static void test_loads(const baked *b) {
         changed = fmax(changed, now);
     }
     AT_MOST(changed, 1e-5, "also after ticks that were given up");
-    press_close(c);
+    contact_close(c);
 }
 
 static void test_errors(const baked *b) {
@@ -464,7 +464,7 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
                 double d[3];
                 direction(&seed, d);
                 for (int k = 0; k < 2; k++) {
-                    palp_contact *c = press_open(&body[k]->blob, &tool, 1, PALP_CONTACT_FINEST);
+                    palp_contact *c = contact_open(&body[k]->blob, &tool, 1, PALP_CONTACT_FINEST);
                     palp_surface_point p = {.triangle =
                                                 nearest_triangle(&body[k]->blob, times(d, 1))};
                     uint32_t crossings = 64;
@@ -493,7 +493,7 @@ static void test_resolutions(const baked *coarse, const baked *fine) {
 static void test_deep(const baked *b) {
     const float radius = 1.2f * b->blob.meta->mean_edge_m, stiffness = 2000;
     const palp_tool tool = palp_tool_sphere(radius);
-    palp_contact *c = press_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(&b->blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_coupling k = {.settling = 0};
     const int ticks = 1200;
     double jump = 0, largest = 0, work = 0, stored = 0;
@@ -528,7 +528,7 @@ static void test_deep(const baked *b) {
 static void test_most_filled(const palp_blob *b, palp_tool tool, double reach, const char *name) {
     const palp_prices *price = &palp_target_counted.instructions;
     const palp_contact_cost cost = palp_contact_cost_of(b, &tool, 1, price);
-    palp_contact *c = press_open(b, &tool, 1, 0);
+    palp_contact *c = contact_open(b, &tool, 1, 0);
     const palp_contact_spring free = {.stiffness_N_per_m = 0};
     palp_vec3 at = {.x = 0};
     uint64_t seed = 21;
@@ -555,7 +555,7 @@ static void test_most_filled(const palp_blob *b, palp_tool tool, double reach, c
         while (palp_contact_iterate(c)) {}
         palp_contact_finish(c);
     }
-    press_close(c);
+    contact_close(c);
     CHECK(beyond == 0 && nearest > 0.2,
           "%s: none of %u fillings beyond what is counted, evaluations up to %.2f of it", name,
           filled, nearest);
@@ -570,7 +570,7 @@ static void test_fork(uint32_t squares) {
     uint32_t *cell;
     const baked b = model_bake(model_voxels(cube, 7, 1, squares, &cell), 1e-6, 0, false, false);
     const palp_tool tool = palp_tool_sphere(0.6f);
-    palp_contact *c = press_open(&b.blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(&b.blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_vec3 before = {.x = 0};
     double step = 0, largest = 0, aside = 0, first = 0;
     uint32_t left = 0, right = 0;
@@ -595,7 +595,7 @@ static void test_fork(uint32_t squares) {
     AT_MOST(aside, 0.03, "between equal prongs the force is upright: aside");
     AT_MOST(first / largest, 0.01, "found when touched: first force over the largest");
     AT_MOST(step / largest, 0.03, "largest step over the largest force");
-    press_close(c);
+    contact_close(c);
     test_most_filled(&b.blob, tool, 3, "ball on a fork");
     free(cell);
 }

@@ -3,8 +3,8 @@
 #include "core/servo/dynamic.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/tethierarchy.h"
-#include "tools/util.h"
+#include "tools/tet/tethierarchy.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

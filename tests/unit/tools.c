@@ -3,8 +3,8 @@
  * at once. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,8 +2,8 @@
 /* Wavelet transforms, columns and field against their definitions in double precision. */
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/parallel.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 

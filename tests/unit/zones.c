@@ -4,9 +4,9 @@
 #include "core/contact/contact.h"
 #include "tests/models.h"
 #include "tests/tap.h"
-#include "tools/dense.h"
-#include "tools/plot.h"
-#include "tools/util.h"
+#include "tools/solver/dense.h"
+#include "tools/study/plot.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

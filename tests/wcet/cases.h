@@ -5,8 +5,8 @@
 
 #include "core/green/cost.h"
 #include "core/palp.h"
-#include "instructions.h"
-#include "tools/hunt.h"
+#include "tests/wcet/instructions.h"
+#include "tools/wcet/hunt.h"
 
 /* What a bound is made of: how many of each kind of work (the bound at unit prices). */
 typedef struct {

@@ -10,14 +10,14 @@
  * is left, or a little. Whatever there was to do, what a tick does after a leap must fit what was
  * kept back.
  */
-#include "blobfile.h"
-#include "tools/hunt.h"
+#include "tests/wcet/blobfile.h"
+#include "tools/wcet/hunt.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #ifdef INSTRUCTIONS
-#include "instructions.h"
+#include "tests/wcet/instructions.h"
 #endif
 
 #define LOOKS 32u

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Parts of the tick of a dynamic body, with a ball that jumps about in it. */
-#include "cases.h"
+#include "tests/wcet/cases.h"
 
 typedef struct {
     palp_dynamic body;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "cases.h"
+#include "tests/wcet/cases.h"
 
 typedef float (*green_bound)(const palp_prices *price, const palp_blob *blob, uint32_t a,
                              uint32_t b);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "instructions.h"
+#include "tests/wcet/instructions.h"
 
 #ifdef __linux__
 #include <fcntl.h>

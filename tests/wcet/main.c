@@ -6,7 +6,7 @@
  * instructions counted, largest bound, the largest share of its bound that a case took, and how
  * many took more than their bound.
  */
-#include "cases.h"
+#include "tests/wcet/cases.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Contact on the surface: every step of a tick, by every tool, level and place. */
-#include "cases.h"
+#include "tests/wcet/cases.h"
 
 /* What a step turned out to do. */
 typedef struct {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Whole ticks: of the answer and of the servo, as they come and at their worst. */
-#include "cases.h"
-#include "sim/orbit.h"
+#include "tests/wcet/cases.h"
+#include "port/cortexm/orbit.h"
 
 typedef struct {
     hunt_tick t;

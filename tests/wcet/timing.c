@@ -6,16 +6,16 @@
  * (core/servo/axes.c). Prints the median time of a tick in each, over the ordinary one; built with
  * -DINSTRUCTIONS, the most instructions.
  */
-#include "blobfile.h"
+#include "tests/wcet/blobfile.h"
 #include "core/palp.h"
-#include "sim/subnormals.h"
+#include "port/host/subnormals.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #ifdef INSTRUCTIONS
-#include "instructions.h"
+#include "tests/wcet/instructions.h"
 #endif
 
 #ifdef INSTRUCTIONS /* exact, so few will do */

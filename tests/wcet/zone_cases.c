@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* A multizone model in changing postures: its seams, and contact that follows them. */
-#include "cases.h"
+#include "tests/wcet/cases.h"
 
 typedef struct {
     cases *c;

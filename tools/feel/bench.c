@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/feel/bench.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <stdlib.h>
 
 double bench_roll(bench *b) {

@@ -2,9 +2,9 @@
 /* The answer with its budget, as a servo runs it, in virtual time: what is left of disturbances. */
 #include "core/servo/answer.h"
 #include "tools/feel/bench.h"
-#include "tools/parallel.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "port/host/parallel.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -86,7 +86,7 @@ typedef struct {
 static script write_script(bench *b, uint32_t node, double radius, double depth) {
     script s;
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 1, 0);
+    palp_contact *c = contact_open(b->blob, &tool, 1, 0);
     palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.5f, 0.2f, 0.7f};
     for (int i = 0; i < SCRIPT_TICKS; i++) {
@@ -100,7 +100,7 @@ static script write_script(bench *b, uint32_t node, double radius, double depth)
         }
         s.at[i] = palp_madd(p.y, (float)(1.3 * radius - down * (0.3 * radius + depth)), p.n);
     }
-    press_close(c);
+    contact_close(c);
     return s;
 }
 

@@ -11,9 +11,9 @@
  * regular part, where that is even over the contact.
  */
 #include "tools/feel/bench.h"
-#include "tools/dense.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/solver/dense.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <math.h>
 
 #define TOOL 0.3        /* contact radius over the tool's, about, */
@@ -123,7 +123,7 @@ static bool press_as_hertz(bench *b, uint32_t node, double a, double *error) {
     const palp_meta *m = b->blob->meta;
     const double radius = fmax(a / TOOL, SMALLEST * b->edge_m);
     const palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
     palp_surface_point p = press_start(c, node);
     const palp_vec3 aside = {(float)(bench_roll(b) - 0.5), (float)(bench_roll(b) - 0.5),
                              (float)(bench_roll(b) - 0.5)};
@@ -148,7 +148,7 @@ static bool press_as_hertz(bench *b, uint32_t node, double a, double *error) {
             *error = (double)palp_norm(c->force_N[0]) / force - 1;
         }
     }
-    press_close(c);
+    contact_close(c);
     return applies;
 }
 

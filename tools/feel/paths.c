@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Closed paths: what a hand that goes round gives or is given. */
 #include "tools/feel/bench.h"
-#include "tools/press.h"
+#include "tools/press/press.h"
 #include <math.h>
 
 /* Net work over a closed path of a rigid tool about a place, over what is stored on it: the third
@@ -10,7 +10,7 @@ static double closed_path(const bench *b, uint32_t node, uint32_t level) {
     static const int ticks = 4000;
     double radius = 2 * b->edge_m, depth = 0.15 * radius, work = 0, stored = 0;
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 1, level);
+    palp_contact *c = contact_open(b->blob, &tool, 1, level);
     palp_surface_point p = press_start(c, node);
     palp_vec3 before_m = {0}, before_N = {0};
     const palp_vec3 t = bench_tangent((palp_vec3){0.3f, 0.5f, 0.8f}, p.n), t2 = palp_cross(p.n, t);
@@ -28,7 +28,7 @@ static double closed_path(const bench *b, uint32_t node, uint32_t level) {
         before_m = at;
         before_N = c->force_N[0];
     }
-    press_close(c);
+    contact_close(c);
     return stored > 0 ? work / stored : 0;
 }
 

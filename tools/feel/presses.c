@@ -2,10 +2,10 @@
 /* Presses: coarser levels against the finest, hard places against all nodes in double, the same
  * body on a finer mesh. */
 #include "tools/feel/bench.h"
-#include "tools/nodal.h"
-#include "tools/places.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/solver/nodal.h"
+#include "tools/press/places.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -58,7 +58,7 @@ typedef struct {
 
 static hard_press press_hard_place(const bench *b, const place *at, double radius) {
     const palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(b->blob, &tool, 1, PALP_CONTACT_FINEST);
     const palp_vec3 side =
         palp_cross(at->push, bench_tangent((palp_vec3){0.3f, 0.5f, 0.8f}, at->push));
     palp_vec3 f[2 * HARD_TICKS], held = {0};
@@ -70,7 +70,7 @@ static hard_press press_hard_place(const bench *b, const place *at, double radiu
         f[k] = c->force_N[0];
         if (k + 1 == HARD_TICKS) held = where;
     }
-    press_close(c);
+    contact_close(c);
     const double center[3] = {(double)held.x, (double)held.y, (double)held.z};
     const nodal_press truth = nodal_hold(b->blob, center, radius);
     const palp_vec3 felt = f[HARD_TICKS - 1];
@@ -135,14 +135,14 @@ static uint32_t nearest_node(const palp_blob *b, palp_vec3 x) {
 static bool press_along(const palp_blob *body, palp_vec3 from, palp_vec3 n, double radius,
                         double depth, palp_vec3 *force) {
     const palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(body, &tool, 1, PALP_CONTACT_FINEST);
+    palp_contact *c = contact_open(body, &tool, 1, PALP_CONTACT_FINEST);
     palp_surface_point p = press_start(c, nearest_node(body, from));
     bool met = press_point(c, from, n, &p);
     const palp_vec3 at = palp_madd(p.y, (float)(radius - depth), n);
     met = met && press_is_clear(body, at, radius, depth);
     if (met) press_hold(c, at, 8);
     *force = c->force_N[0];
-    press_close(c);
+    contact_close(c);
     return met && palp_norm(*force) > 0;
 }
 

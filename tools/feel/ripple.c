@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* Ripple of the force while a rigid tool slides at constant depth. */
 #include "tools/feel/bench.h"
-#include "tools/press.h"
-#include "tools/util.h"
+#include "tools/press/press.h"
+#include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -36,7 +36,7 @@ typedef struct {
 static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t level,
                   uint32_t *lost, path_ripple *r) {
     palp_tool tool = palp_tool_sphere((float)radius);
-    palp_contact *c = press_open(b->blob, &tool, 1, level);
+    palp_contact *c = contact_open(b->blob, &tool, 1, level);
     palp_surface_point p = press_start(c, node);
     palp_vec3 along = {0.3f, 0.5f, 0.8f};
     palp_vec3 n[PATH_TICKS];
@@ -59,7 +59,7 @@ static bool slide(bench *b, uint32_t node, double radius, double depth, uint32_t
         t[i] = (double)palp_dot(c->force_N[0], along);
         without += !(f[i] > 0);
     }
-    press_close(c);
+    contact_close(c);
     if (!whole) return false;
     *lost += without;
     *r = (path_ripple){roughness(f, f, PATH_TICKS, window), roughness(t, f, PATH_TICKS, window),

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/feel/table.h"
-#include "tools/util.h"
+#include "port/host/util.h"
 #include <math.h>
 
 void feel_add(feel_table *t, const char *measure, const char *of, double value, const char *unit,

@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: MIT */
+/* Blobs in files. */
+#ifndef PALP_HOST_BLOBFILE_H
+#define PALP_HOST_BLOBFILE_H
+
+#include "core/blob/blob.h"
+#include <stddef.h>
+
+/* Reads and opens a blob; exits 2 if it cannot be read, 1 if it is not sound. The bytes stay
+ * allocated. */
+palp_blob load_blob(const char *path);
+/* The same from bytes already read. */
+palp_blob open_blob(const char *path, const void *data, size_t bytes);
+
+#endif

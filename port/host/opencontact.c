@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: MIT */
+#include "port/host/opencontact.h"
+#include "port/host/util.h"
+#include <stdlib.h>
+
+#define FINEST (PALP_CONTACT_LEVELS - 1u)
+
+palp_contact *contact_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
+                         uint32_t level) {
+    size_t bytes = palp_contact_memsize(blob, tools, FINEST);
+    palp_contact *c = allocate(1, sizeof *c);
+    palp_status status =
+        palp_contact_init(c, blob, tool, tools, FINEST, allocate_aligned(bytes, 1), bytes);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "the body cannot be touched (%s): bake it again", palp_status_text(status));
+    c->now = level;
+    return c;
+}
+
+void contact_close(palp_contact *c) {
+    free(c->surface); /* the first of its memory */
+    free(c);
+}

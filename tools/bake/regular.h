@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The regular part of a body's compliance, for contact on its surface.
+ *
+ * Near its load a body is a half-space. With B_kl the displacement of node k when a unit force is
+ * spread over the hat of node l of a half-space (Boussinesq and Cerruti; n = (n_k + n_l) / 2),
+ *
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu r r^T / |r|^2 + (1/2 - nu) (r n^T - n r^T) /
+ * |r|)
+ *
+ * the rest H = G - B has no singularity and few modes: its eigenpairs of largest magnitude,
+ * weighted by nodal areas, are what the blob stores. Zero at fixed nodes.
+ */
+#ifndef PALP_TOOLS_REGULAR_H
+#define PALP_TOOLS_REGULAR_H
+
+#include "tools/bake/hierarchy.h"
+
+typedef struct {
+    uint32_t modes;
+    uint32_t *across;   /* [triangles][3] */
+    uint32_t *triangle; /* [nodes] */
+    float *value;       /* [modes] */
+    int16_t *vector;    /* [nodes][3][modes] */
+    double left_over;   /* |H - U S U^T|_F / |G|_F, by nodal areas */
+} regular_data;
+
+typedef struct {
+    double young_Pa, poisson;
+} regular_material;
+
+typedef struct {
+    const mesh *m;
+    const double *area;
+    double (*normal)[3];
+    regular_material material;
+    const hierarchy *h;
+    uint32_t level; /* of the columns */
+} regular_body;
+
+/*
+ * `x`: the columns of `level`, [3 nodes][3 n_level], symmetric where both nodes are free;
+ * destroyed. `modes` wanted; fewer where the body has fewer unknowns. Threaded; the same bits on
+ * any number of threads.
+ */
+regular_data regular_build(const regular_body *body, double *x, uint32_t modes);
+
+/*
+ * The same of a body whose compliance is given at some of its nodes: `g`, [3 nodes][3 nodes],
+ * symmetric, destroyed. Materials may differ from node to node; B is that of the mean of both. Of
+ * the body there are needed m, area and normal. Without `across` and `triangle`.
+ */
+typedef struct {
+    const uint32_t *node; /* [nodes] in the body's mesh */
+    uint32_t nodes;
+    const regular_material *material; /* [nodes] */
+} regular_nodes;
+regular_data regular_build_nodes(const regular_body *body, const regular_nodes *nodes, double *g,
+                                 uint32_t modes);
+
+/* across and triangle of a zone's mesh, whose triangles inner[t] != 0 are not to be touched. */
+void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner);
+
+void regular_free(regular_data *r);
+
+/* The block B of nodes k and l, row-major, by quadrature over the star of l where it is near. */
+typedef struct regular_stars regular_stars;
+regular_stars *regular_stars_build(const regular_body *body);
+void regular_stars_free(regular_stars *s);
+void regular_half_space(const regular_stars *s, regular_material material, uint32_t k, uint32_t l,
+                        double block[9]);
+
+/* across[triangles][3]: the triangle beyond the edge that faces each corner; to be freed. */
+uint32_t *regular_across(const mesh *m);
+
+#endif

@@ -1,0 +1,401 @@
+/* SPDX-License-Identifier: MIT */
+/* palp play of a dynamic body: tools follow a scene, the body moves, every tick within a budget. */
+#include "core/dyna/skin.h"
+#include "core/servo/dynamic.h"
+#include "tools/cli/film.h"
+#include "tools/cli/play.h"
+#include "tools/cli/scene.h"
+#include "tools/study/plot.h"
+#include "port/host/util.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FRAMES_HZ 30.0
+#define SPOTS 64
+
+/* Orders of magnitude for soft things, from soft to stiff. */
+static const struct {
+    const char *name;
+    double young_Pa, poisson, damping_s, drag_per_s;
+} presets[] = {{"jelly", 600, 0.45, 5e-4, 1},      {"fat", 2e3, 0.45, 1e-3, 8},
+               {"liver", 5e3, 0.45, 5e-4, 4},      {"muscle", 2e4, 0.45, 4e-4, 4},
+               {"gel", 5e4, 0.4, 1e-4, 2},         {"rubber", 5e5, 0.45, 3e-5, 4},
+               {"hard-rubber", 2e6, 0.45, 1e-5, 8}};
+
+typedef struct {
+    double t_s, wall_us, asked_us, displaced_m, energy_J;
+    palp_dynamic_report r;
+    palp_vec3 force_N[SCENE_TRACKS];
+} lively_tick;
+
+typedef struct {
+    const play_spec *spec;
+    scene s;
+    palp_tets tets;
+    palp_dynamic body;
+    palp_skin skin;
+    palp_tool tool[SCENE_TRACKS];
+    uint32_t tools, which[SCENE_TRACKS];
+    uint64_t begun_ns, begun_work;
+    double begun_s;
+    size_t ticks;
+    lively_tick *tick;
+    film film;
+    double jump_m, step_m,
+        fade_m; /* of the surface: largest difference that a change left
+                   to fade; largest motion, and beyond it, of a vertex in a tick */
+} player;
+
+static uint64_t now_ns(void *context) {
+    const player *p = context;
+    if (p->spec->wall) return p->begun_ns + (uint64_t)((now_s() - p->begun_s) * 1e9);
+    return p->begun_ns + p->body.work_ns - p->begun_work;
+}
+
+static palp_material choose_material(const player *p) {
+    const play_spec *s = p->spec;
+    const palp_tets_meta *m = p->tets.meta;
+    double young = (double)m->young_Pa, poisson = (double)m->poisson;
+    double damping = (double)m->damping_s, drag = (double)m->drag_per_s;
+    if (s->material != NULL) {
+        bool found = false;
+        char names[200] = "";
+        for (size_t k = 0; k < sizeof presets / sizeof presets[0]; k++) {
+            strcat(names, " ");
+            strcat(names, presets[k].name);
+            if (strcmp(presets[k].name, s->material) != 0) continue;
+            found = true;
+            young = presets[k].young_Pa;
+            poisson = presets[k].poisson;
+            damping = presets[k].damping_s;
+            drag = presets[k].drag_per_s;
+        }
+        if (!found) die(EXIT_USAGE, "--material: no '%s'; there are:%s", s->material, names);
+    }
+    if (s->young_Pa >= 0) young = s->young_Pa;
+    if (s->poisson > -1) poisson = s->poisson;
+    if (s->damping_s >= 0) damping = s->damping_s;
+    if (s->drag_per_s >= 0) drag = s->drag_per_s;
+    return palp_material_of((float)young, (float)poisson, m->density_kg_m3, (float)damping,
+                            (float)drag);
+}
+
+static palp_vec3 vec(const double x[3]) {
+    return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
+}
+
+static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
+    for (uint32_t t = 0; t < p->tools; t++) {
+        double x[3] = {0, 0, 1e3};
+        if (p->which[t] < SCENE_TRACKS) scene_at(&p->s.track[p->which[t]], t_s, x);
+        at[t] = vec(x);
+    }
+}
+
+static void open_body(player *p) {
+    const play_spec *s = p->spec;
+    scene_tools(&p->s, p->tool, p->which, &p->tools);
+    double budget = play_budget_us(s, p->s.rate_hz);
+    palp_dynamic_config c = {.tets = &p->tets,
+                             .material = choose_material(p),
+                             .gravity_m_s2 = vec(p->s.gravity_m_s2),
+                             .adapt = palp_adapt_defaults(&p->tets),
+                             .tools = p->tool,
+                             .tool_count = p->tools,
+                             .max_spots = SPOTS,
+                             .most_class = s->most_class,
+                             .cost = {.target = &palp_target_counted,
+                                      .ns_per_instruction = (float)s->ns_per_operation,
+                                      .margin = (float)(budget * 1e-6 * p->s.rate_hz)},
+                             .port = {.now_ns = now_ns, .context = p},
+                             .tick_s = (float)(1 / p->s.rate_hz),
+                             .uniform = s->uniform};
+    if (s->refine_share > 0) {
+        c.adapt.refine_m = (float)s->refine_share * p->tets.meta->diagonal_m;
+        c.adapt.merge_m = 0.1f * c.adapt.refine_m;
+    }
+    size_t bytes = palp_dynamic_memsize(&p->tets, SPOTS);
+    palp_vec3 at[SCENE_TRACKS];
+    float bound_ns = 0;
+    where_tools_are(p, 0, at);
+    palp_status status =
+        palp_dynamic_init(&p->body, &c, at, allocate_aligned(bytes, 1), bytes, &bound_ns);
+    if (status == PALP_ERR_BUDGET)
+        die(EXIT_WORK,
+            "%s: the coarsest mesh needs %.0f us and has %.0f us: use a lower rate or coarser "
+            "meshes",
+            s->blob, (double)bound_ns * 1e-3, budget);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "%s: %s (is the material sound?)", s->blob, palp_status_text(status));
+    bytes = palp_skin_memsize(&p->tets);
+    (void)palp_skin_init(&p->skin, &p->body.dyna, allocate_aligned(bytes, 1), bytes);
+    float reach = 0.0f;
+    for (uint32_t i = 0; i < p->tets.meta->nodes; i++)
+        reach = palp_max(reach, palp_norm(palp_vec3_at(p->tets.rest_m + 3 * (size_t)i)));
+    p->film = film_open(p->tets.meta->skin, p->tets.meta->skin_triangles, p->tets.skin_triangle,
+                        1 / FRAMES_HZ, 3 * (double)reach,
+                        p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
+}
+
+/* Largest displacement of the surface, and how it stepped. */
+static void look_at_surface(player *p, lively_tick *k, const float *before) {
+    for (uint32_t i = 0; i < p->tets.meta->skin; i++) {
+        palp_vec3 now = palp_vec3_at(p->skin.place_m + 3 * i);
+        palp_vec3 rest = palp_vec3_at(p->tets.rest_m + 3 * (size_t)p->tets.skin_node[i]);
+        double moved = (double)palp_norm(palp_sub(now, palp_vec3_at(before + 3 * i)));
+        double speed = (double)palp_norm(palp_skin_velocity(&p->body.dyna, i)) / p->s.rate_hz;
+        k->displaced_m = fmax(k->displaced_m, (double)palp_norm(palp_sub(now, rest)));
+        p->step_m = fmax(p->step_m, speed);
+        p->fade_m = fmax(p->fade_m, moved - speed);
+    }
+    p->jump_m = fmax(p->jump_m, (double)p->skin.jump_m);
+}
+
+static void run(player *p) {
+    size_t frame_every = (size_t)fmax(1, p->s.rate_hz / FRAMES_HZ), skin = p->tets.meta->skin;
+    p->ticks = (size_t)(p->s.seconds * p->s.rate_hz);
+    if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", p->spec->scene);
+    if (p->ticks > MOST_TICKS)
+        die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
+    p->tick = allocate(p->ticks + 1, sizeof *p->tick);
+    float *before = allocate(3 * skin, sizeof *before);
+    for (size_t i = 0; i < p->ticks; i++) {
+        lively_tick *k = &p->tick[i];
+        palp_vec3 at[SCENE_TRACKS], force[SCENE_TRACKS];
+        k->t_s = (double)(i + 1) / p->s.rate_hz;
+        where_tools_are(p, k->t_s, at);
+        p->begun_ns = (uint64_t)(k->t_s * 1e9);
+        p->begun_work = p->body.work_ns;
+        p->begun_s = now_s();
+        palp_dynamic_tick(&p->body, p->begun_ns, at, force, &k->r);
+        k->wall_us = (now_s() - p->begun_s) * 1e6;
+        k->asked_us = (double)(now_ns(p) - p->begun_ns) * 1e-3;
+        for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++)
+            k->force_N[p->which[t]] = force[t];
+        memcpy(before, p->skin.place_m, 3 * skin * sizeof *before);
+        palp_skin_update(&p->skin, (float)(1 / p->s.rate_hz));
+        look_at_surface(p, k, before);
+        if (i % frame_every == 0 && p->spec->report != NULL) {
+            double ball[3];
+            scene_at(&p->s.track[SCENE_PROBE], k->t_s, ball);
+            const float b[3] = {(float)ball[0], (float)ball[1], (float)ball[2]};
+            film_add(&p->film, p->skin.place_m, p->body.dyna.skin_level, b);
+        }
+    }
+    free(before);
+}
+
+/* ---- what it was like ---- */
+
+static double force_of(const lively_tick *k) {
+    return (double)palp_norm(palp_add(k->force_N[0], k->force_N[1]));
+}
+
+static size_t late_ticks(const player *p) {
+    size_t late = 0;
+    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].asked_us > 1e6 / p->s.rate_hz;
+    return late;
+}
+
+/* Evaluations of a tick on the finest mesh alone. */
+static double fine_work(const player *p) {
+    const palp_tets_meta *m = p->tets.meta;
+    double sum = 0;
+    for (uint32_t i = m->first_tet[m->levels - 1]; i < m->tets; i++) {
+        uint32_t fastest = 0;
+        for (int c = 0; c < 4; c++) {
+            uint32_t k = p->body.dyna.step_class[p->tets.tet[i].node[c]];
+            fastest = k > fastest ? k : fastest;
+        }
+        sum += 1u << fastest;
+    }
+    return sum;
+}
+
+static spread times(const player *p, bool wall) {
+    double *x = allocate(p->ticks, sizeof *x);
+    for (size_t i = 0; i < p->ticks; i++) x[i] = wall ? p->tick[i].wall_us : p->tick[i].asked_us;
+    spread s = spread_of(x, p->ticks);
+    free(x);
+    return s;
+}
+
+static void summary(FILE *f, const player *p) {
+    double force = 0, displaced = 0, work = 0, most = 0, fine = fine_work(p);
+    uint32_t splits = 0, merges = 0, refused = 0, overflow = 0, active[PALP_TET_LEVELS] = {0};
+    size_t shortened = 0, collapsed = 0, coasted = 0, calmed = 0, lost = 0;
+    for (size_t i = 0; i < p->ticks; i++) {
+        const palp_dynamic_report *r = &p->tick[i].r;
+        force = fmax(force, force_of(&p->tick[i]));
+        displaced = fmax(displaced, p->tick[i].displaced_m);
+        work += (double)r->evaluations / (double)p->ticks;
+        most = fmax(most, r->evaluations);
+        splits += r->adapt.splits;
+        merges += r->adapt.merges;
+        refused += r->adapt.refused;
+        overflow += r->overflow;
+        shortened += r->shortened;
+        collapsed += r->collapsed;
+        coasted += r->coasted;
+        calmed += r->calmed;
+        lost += r->lost;
+        for (uint32_t l = 0; l < p->tets.meta->levels; l++)
+            active[l] = r->active[l] > active[l] ? r->active[l] : active[l];
+    }
+    spread asked = times(p, false), wall = times(p, true);
+    fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
+            p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+    fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", asked.p50,
+            asked.p99, asked.max, play_budget_us(p->spec, p->s.rate_hz));
+    fprintf(f, "wall clock here       p50 %.1f, p99 %.1f, max %.1f us\n", wall.p50, wall.p99,
+            wall.max);
+    fprintf(f,
+            "element evaluations   %.0f a tick in the mean, %.0f at most; the finest mesh alone: "
+            "%.0f, %.1f times as many\n",
+            work, most, fine, fine / work);
+    fprintf(f, "active nodes          at most");
+    for (uint32_t l = 0; l < p->tets.meta->levels; l++)
+        fprintf(f, " %" PRIu32 " on level %" PRIu32 "%s", active[l], l,
+                l + 1 < p->tets.meta->levels ? "," : "\n");
+    fprintf(f,
+            "families              %" PRIu32 " split, %" PRIu32 " merged, %" PRIu32
+            " refused for the budget's sake\n",
+            splits, merges, refused);
+    fprintf(f,
+            "in time by            larger steps in %zu ticks, the coarsest mesh in %zu; "
+            "started too late %zu\n",
+            shortened, collapsed, coasted);
+    fprintf(
+        f,
+        "surface               changes of resolution leave at most %.2g m to fade; beyond its own "
+        "motion it moves %.2g m a tick at most, largest motion %.2g m\n",
+        p->jump_m, p->fade_m, p->step_m);
+    if (lost > 0)
+        fprintf(f, "motion lost           put back to rest in %zu ticks: not finite any more\n",
+                lost);
+    fprintf(f, "energy monitor        acted in %zu ticks\n", calmed);
+    fprintf(f, "contact               largest force %.3g N, largest displacement %.3g m%s\n", force,
+            displaced, overflow > 0 ? "; some vertices found no place among the spots" : "");
+}
+
+static void write_csv(const player *p, const char *path) {
+    output out = open_output(path);
+    fputs("t_s,steps,evaluations,elements", out.file);
+    for (uint32_t l = 0; l < p->tets.meta->levels; l++) fprintf(out.file, ",active_%" PRIu32, l);
+    fputs(",interface,splits,merges,refused,shortened,collapsed,coasted,object_fx,object_fy,"
+          "object_fz,probe_fx,probe_fy,probe_fz,displaced_m,kinetic_J,total_J,tick_us,wall_us\n",
+          out.file);
+    for (size_t i = 0; i < p->ticks; i++) {
+        const lively_tick *k = &p->tick[i];
+        fprintf(out.file, "%.9g,%" PRIu32 ",%" PRIu32 ",%" PRIu32, k->t_s, k->r.steps,
+                k->r.evaluations, k->r.elements);
+        for (uint32_t l = 0; l < p->tets.meta->levels; l++)
+            fprintf(out.file, ",%" PRIu32, k->r.active[l]);
+        fprintf(out.file, ",%" PRIu32 ",%" PRIu32 ",%" PRIu32 ",%" PRIu32 ",%d,%d,%d",
+                k->r.interface, k->r.adapt.splits, k->r.adapt.merges, k->r.adapt.refused,
+                k->r.shortened, k->r.collapsed, k->r.coasted);
+        for (int t = 0; t < SCENE_TRACKS; t++)
+            fprintf(out.file, ",%.9g,%.9g,%.9g", (double)k->force_N[t].x, (double)k->force_N[t].y,
+                    (double)k->force_N[t].z);
+        fprintf(out.file, ",%.9g,%.9g,%.9g,%.3f,%.3f\n", k->displaced_m, (double)k->r.kinetic_J,
+                (double)k->r.total_J, k->asked_us, k->wall_us);
+    }
+    commit_output(&out);
+}
+
+typedef struct {
+    const char *title, *unit;
+    uint32_t series;
+    double (*value)(const lively_tick *, uint32_t);
+    const char *name[PALP_TET_LEVELS];
+} graph;
+
+static double value_force(const lively_tick *k, uint32_t t) {
+    return (double)palp_norm(k->force_N[t]);
+}
+static double value_active(const lively_tick *k, uint32_t l) { return k->r.active[l]; }
+static double value_work(const lively_tick *k, uint32_t unused) {
+    (void)unused;
+    return k->r.evaluations;
+}
+static double value_moved(const lively_tick *k, uint32_t unused) {
+    (void)unused;
+    return k->displaced_m;
+}
+static double value_energy(const lively_tick *k, uint32_t which) {
+    return (double)(which == 0 ? k->r.kinetic_J : k->r.total_J);
+}
+static double value_time(const lively_tick *k, uint32_t which) {
+    return which == 0 ? k->asked_us : k->wall_us;
+}
+
+static void draw(FILE *f, const player *p, const graph *g) {
+    size_t step = p->ticks / 1500 + 1, n = p->ticks / step;
+    plot_series *series = allocate(g->series, sizeof *series);
+    double *x = allocate(n + 1, sizeof *x), *y = allocate((n + 1) * g->series, sizeof *y);
+    for (size_t i = 0; i < n; i++) x[i] = p->tick[i * step].t_s;
+    for (uint32_t k = 0; k < g->series; k++) {
+        for (size_t i = 0; i < n; i++) y[k * n + i] = g->value(&p->tick[i * step], k);
+        series[k] = (plot_series){.count = n, .x = x, .y = y + k * n};
+        snprintf(series[k].name, sizeof series[k].name, "%s", g->name[k]);
+    }
+    plot_svg(f, &(plot_chart){.title = g->title,
+                              .x_label = "time (s)",
+                              .y_label = g->unit,
+                              .series = series,
+                              .count = g->series});
+    free(series);
+    free(x);
+    free(y);
+}
+
+static void write_report(const player *p, const char *path) {
+    const graph graphs[] = {
+        {"Force on the tools", "N", SCENE_TRACKS, value_force, {"object", "probe"}},
+        {"Largest displacement of the surface", "m", 1, value_moved, {"displacement"}},
+        {"Active nodes",
+         "nodes",
+         p->tets.meta->levels,
+         value_active,
+         {"level 0", "level 1", "level 2", "level 3", "level 4"}},
+        {"Element evaluations in a tick", "evaluations", 1, value_work, {"evaluations"}},
+        {"Energy", "J", 2, value_energy, {"kinetic", "with what is stored and can fall"}},
+        {"Time of a tick", "us", 2, value_time, {"by operations counted", "wall clock"}}};
+    output out = open_output(path);
+    FILE *f = out.file;
+    fputs("<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Palp: a dynamic body"
+          "</title><style>body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
+          "padding:0 1rem;color:#222}pre{background:#f4f2ee;padding:1rem;overflow:auto}"
+          "svg,canvas{max-width:100%;height:auto}</style></head><body>\n<h1>A body in motion</h1>\n"
+          "<pre>",
+          f);
+    summary(f, p);
+    fputs("</pre>\n", f);
+    film_write(f, &p->film);
+    for (size_t i = 0; i < sizeof graphs / sizeof graphs[0]; i++) draw(f, p, &graphs[i]);
+    fputs("</body></html>\n", f);
+    commit_output(&out);
+}
+
+int play_lively(const play_spec *s, const void *data, size_t bytes) {
+    player *p = allocate(1, sizeof *p);
+    p->spec = s;
+    palp_status status = palp_tets_open(&p->tets, data, bytes);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", s->blob, palp_status_text(status),
+            bytes);
+    p->s = scene_read(s->scene, NULL);
+    open_body(p);
+    run(p);
+    summary(stdout, p);
+    if (s->csv != NULL) write_csv(p, s->csv);
+    if (s->report != NULL) write_report(p, s->report);
+    bool late = late_ticks(p) > 0 && !s->wall;
+    film_free(&p->film);
+    scene_free(&p->s);
+    free(p->tick);
+    free(p);
+    return late ? EXIT_WORK : EXIT_SUCCESS;
+}

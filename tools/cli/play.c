@@ -1,0 +1,494 @@
+/* SPDX-License-Identifier: MIT */
+/* palp play: a multizone model follows a scene, a new posture each tick, in bounded time. */
+#include "core/dyna/dyna.h"
+#include "core/green/field.h"
+#include "core/contact/loads.h"
+#include "core/servo/answer.h"
+#include "tools/cli/play.h"
+#include "tools/cli/scene.h"
+#include "port/host/view.h"
+#include "port/host/args.h"
+#include "tools/cli/commands.h"
+#include "tools/study/plot.h"
+#include "port/host/util.h"
+#include "tools/zone/zonesolve.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char help[] =
+    "usage: palp play BLOB --scene FILE [-o OUT.csv] [--report OUT.html] [OPTIONS]\n"
+    "\n"
+    "Moves a multizone model along a scene's joint trajectories and touches it with a rigid "
+    "cylinder "
+    "and\n"
+    "a ball that hang on springs; or touches a dynamic body with them, which moves and "
+    "oscillates.\n"
+    "Every tick is answered within a budget.\n"
+    "  --budget-us B           share of each period for the tick (default: 80 %)\n"
+    "  --ns-per-operation N    cost table (default 0.25, of dynamic bodies 0.15)\n"
+    "  --clock work|wall       work: by operations counted, the same everywhere (default);\n"
+    "                          wall: this machine's clock\n"
+    "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
+    "  --no-pairs              zones do not touch each other\n"
+    "Of dynamic bodies:\n"
+    "  --material NAME         jelly, fat, liver, muscle, gel, rubber or hard-rubber in place of "
+    "the "
+    "blob's\n"
+    "  --young PA, --poisson NU, --damping S, --drag 1/S   one of its numbers\n"
+    "  --uniform               the finest mesh everywhere, for comparison\n"
+    "  --finest C              steps of 1/2^C of a tick at the least, 0 to 7 (default 7)\n"
+    "  --refine SHARE          how far from linear displacements may be, of the diagonal (default "
+    "0.008)\n"
+    "The scene's keys: seconds, rate, stiffness, gravity X Y Z, pose T JOINT VALUE, cylinder "
+    "RADIUS HALF X Y Z,\n"
+    "object T X Y Z, probe RADIUS, touch T X Y Z. Dynamic bodies: no pose, tools without "
+    "springs.\n";
+
+static const option options[] = {{"--scene", 1},     {"-o", 1},         {"--report", 1},
+                                 {"--budget-us", 1}, {"--clock", 1},    {"--ns-per-operation", 1},
+                                 {"--finest", 1},    {"--no-pairs", 0}, {"--material", 1},
+                                 {"--young", 1},     {"--poisson", 1},  {"--damping", 1},
+                                 {"--drag", 1},      {"--uniform", 0},  {"--refine", 1},
+                                 {NULL, 0}};
+
+static void set_option(void *context, const argument *a) {
+    static const char *const clocks[] = {"work", "wall", NULL};
+    play_spec *s = context;
+    const char *o = a->option;
+    if (o == NULL) {
+        if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
+        s->blob = a->value[0];
+    } else if (strcmp(o, "--scene") == 0) {
+        s->scene = a->value[0];
+    } else if (strcmp(o, "-o") == 0) {
+        s->csv = a->value[0];
+    } else if (strcmp(o, "--report") == 0) {
+        s->report = a->value[0];
+    } else if (strcmp(o, "--budget-us") == 0) {
+        s->budget_us = arg_between(a, 0, 1e6);
+    } else if (strcmp(o, "--ns-per-operation") == 0) {
+        s->ns_per_operation = arg_between(a, 0, 1e6);
+    } else if (strcmp(o, "--clock") == 0) {
+        s->wall = arg_word(a, clocks) == 1;
+    } else if (strcmp(o, "--finest") == 0) {
+        s->finest = arg_u32(a, 0, 0, PALP_STEP_CLASSES - 1);
+        s->finest_given = true;
+    } else if (strcmp(o, "--material") == 0) {
+        s->material = a->value[0];
+    } else if (strcmp(o, "--young") == 0) {
+        s->young_Pa = arg_between(a, 0, 1e12);
+    } else if (strcmp(o, "--poisson") == 0) {
+        s->poisson = arg_between(a, -0.9999, 0.4999);
+    } else if (strcmp(o, "--damping") == 0) {
+        s->damping_s = arg_upto(a, 100);
+    } else if (strcmp(o, "--drag") == 0) {
+        s->drag_per_s = arg_upto(a, 1000);
+    } else if (strcmp(o, "--refine") == 0) {
+        s->refine_share = arg_between(a, 1e-6, 1);
+    } else if (strcmp(o, "--uniform") == 0) {
+        s->uniform = true;
+    } else {
+        s->alone = true;
+    }
+}
+
+/* ---- the run ---- */
+
+#define MOST_LOADS 1024u /* of a zone, for the picture */
+
+typedef struct {
+    double t_s, value[PALP_MAX_JOINTS], wall_us, budget_us_used;
+    palp_answer_report answer;
+    palp_vec3 force_N[SCENE_TRACKS], tool_m[SCENE_TRACKS];
+} play_tick;
+
+typedef struct {
+    const play_spec *spec;
+    scene s;
+    palp_zones *z;
+    palp_assembly *a;
+    palp_answer *b;
+    palp_tool tool[SCENE_TRACKS];
+    uint32_t tools, which[SCENE_TRACKS]; /* track of each tool */
+    uint64_t begun_ns, begun_work;
+    size_t ticks;
+    play_tick *tick;
+    size_t strongest; /* tick */
+    float *place[PALP_MAX_ZONES], *heat[PALP_MAX_ZONES];
+} player;
+
+static uint64_t now_ns(void *context) {
+    const player *p = context;
+    if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
+    double work = (double)(palp_answer_work(p->b) - p->begun_work);
+    return p->begun_ns + (uint64_t)(work * p->spec->ns_per_operation);
+}
+
+static palp_vec3 vec(const double x[3]) {
+    return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
+}
+
+static void open_player(player *p) {
+    const play_spec *s = p->spec;
+    for (uint32_t i = 0; i < p->z->meta->zones; i++) {
+        if (p->z->blob[i].meta->modes == 0)
+            die(EXIT_WORK,
+                "%s: zone '%s' has no regular part, which contact needs: bake it again, without "
+                "--modes 0",
+                s->blob, p->z->zone[i].name);
+    }
+    size_t bytes = palp_assembly_memsize(p->z, s->finest);
+    p->a = allocate(1, sizeof *p->a);
+    p->b = allocate(1, sizeof *p->b);
+    palp_status status =
+        palp_assembly_init(p->a, p->z, s->finest, allocate_aligned(bytes + 1, 1), bytes);
+    if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
+    palp_vec3 gravity = vec(p->s.gravity_m_s2);
+    if (palp_norm(gravity) > 0.0f && palp_assembly_gravity(p->a, gravity) != PALP_OK)
+        die(EXIT_WORK, "%s: a zone has no gravity response", s->blob);
+    scene_tools(&p->s, p->tool, p->which, &p->tools);
+    double period_us = 1e6 / p->s.rate_hz;
+    double budget = play_budget_us(s, p->s.rate_hz);
+    palp_answer_config config = {.assembly = p->a,
+                                 .pairs = !s->alone,
+                                 .tools = p->tool,
+                                 .tool_count = p->tools,
+                                 .finest = PALP_CONTACT_FINEST,
+                                 .cost = {.target = &palp_target_counted,
+                                          .ns_per_instruction = (float)s->ns_per_operation,
+                                          .margin = (float)(budget / period_us)},
+                                 .port = {.now_ns = now_ns, .context = p},
+                                 .dt_s = (float)(1 / p->s.rate_hz)};
+    bytes = palp_answer_memsize_zones(p->a, config.pairs, p->tools, config.finest);
+    float bound_ns = 0;
+    status = palp_answer_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
+    if (status == PALP_ERR_BUDGET)
+        die(EXIT_WORK,
+            "the least answer may take %.0f us, the budget is %.0f us: a longer --budget-us, a "
+            "lower rate, or fewer modes by --finest",
+            (double)bound_ns * 1e-3, budget);
+    if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
+    for (uint32_t t = 0; t < p->tools; t++)
+        p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
+}
+
+static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
+    for (uint32_t t = 0; t < p->tools; t++) {
+        double x[3] = {1e3, 1e3, 1e3};
+        if (p->which[t] < SCENE_TRACKS) scene_at(&p->s.track[p->which[t]], t_s, x);
+        at[t] = vec(x);
+    }
+}
+
+/* The deformed surface in the world, and how far each node is displaced. */
+static void take_picture(player *p) {
+    palp_contact *c = &p->b->contact;
+    palp_contact_load(c);
+    const float *total = palp_assembly_total(p->a);
+    for (uint32_t i = 0; i < p->z->meta->zones; i++) {
+        const palp_blob *b = &p->z->blob[i];
+        size_t nodes = b->meta->nodes, bytes = palp_field_memsize(b);
+        palp_field field;
+        void *memory = allocate_aligned(bytes, 1);
+        (void)palp_field_init(&field, b, memory, bytes);
+        palp_load load[MOST_LOADS];
+        uint32_t loads = 0;
+        for (uint32_t k = 0; k < c->patches; k++)
+            loads =
+                palp_contact_loads(c, k, i, (palp_vec3){0.0f, 0.0f, 0.0f}, load, loads, MOST_LOADS);
+        palp_field_update(&field, load, loads);
+        const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
+        float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
+        palp_seams_zone(&p->a->seams, p->a->posture, PALP_SEAM_LEVELS - 1, i, total, modes);
+        if (p->place[i] == NULL) {
+            p->place[i] = allocate(3 * nodes, sizeof(float));
+            p->heat[i] = allocate(nodes, sizeof(float));
+        }
+        for (uint32_t n = 0; n < nodes; n++) {
+            palp_vec3 u = palp_zone_follow(p->z, p->spec->finest, i, n, modes);
+            if (!palp_node_is_fixed(b, n))
+                u = palp_add(u,
+                             palp_vec3_at(local + PALP_FIELD_LANES * (size_t)palp_node_slot(b, n)));
+            p->heat[i][n] = palp_norm(u);
+            palp_vec3 x =
+                palp_carry(&p->a->world[i], palp_add(palp_vec3_at(b->rest_m + 3 * (size_t)n), u));
+            const float at[3] = {x.x, x.y, x.z};
+            memcpy(p->place[i] + 3 * (size_t)n, at, sizeof at);
+        }
+        free(modes);
+        free(memory);
+    }
+}
+
+static void run(player *p) {
+    const palp_frame rest = PALP_FRAME_IDENTITY;
+    double most = -1;
+    p->ticks = (size_t)(p->s.seconds * p->s.rate_hz);
+    if (p->ticks > MOST_TICKS)
+        die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
+    p->tick = allocate(p->ticks + 1, sizeof *p->tick);
+    for (size_t i = 0; i < p->ticks; i++) {
+        play_tick *k = &p->tick[i];
+        float value[PALP_MAX_JOINTS];
+        palp_vec3 at[PALP_CONTACT_TOOLS];
+        palp_coupling_result result[PALP_CONTACT_TOOLS];
+        k->t_s = (double)i / p->s.rate_hz;
+        for (uint32_t j = 0; j < p->z->meta->joints; j++) {
+            double x[3];
+            scene_at(&p->s.joint[j], k->t_s, x);
+            value[j] = (float)x[0];
+            k->value[j] = x[0];
+        }
+        where_tools_are(p, k->t_s, at);
+        p->begun_ns = (uint64_t)(k->t_s * 1e9);
+        p->begun_work = palp_answer_work(p->b);
+        double start = now_s();
+        uint64_t start_ns = now_ns(p);
+        palp_answer_pose(p->b, value, &rest);
+        palp_answer_tick(p->b, start_ns, at, result, &k->answer);
+        k->budget_us_used = (double)(now_ns(p) - start_ns) * 1e-3;
+        k->wall_us = (now_s() - start) * 1e6;
+        check_closures(p->spec->scene, p->z, p->a->posture);
+        double pressed = 0;
+        for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++) {
+            k->force_N[p->which[t]] = result[t].force_N;
+            k->tool_m[p->which[t]] = result[t].tool_m;
+            pressed += (double)palp_norm(result[t].force_N);
+        }
+        if (pressed > most) {
+            most = pressed;
+            p->strongest = i;
+        }
+        palp_answer_spare(p->b);
+        if (p->strongest == i) take_picture(p);
+    }
+}
+
+/* ---- what it was like ---- */
+
+static spread times(const player *p, bool wall) {
+    double *x = allocate(p->ticks + 1, sizeof *x);
+    for (size_t i = 0; i < p->ticks; i++)
+        x[i] = wall ? p->tick[i].wall_us : p->tick[i].budget_us_used;
+    spread s = spread_of(x, p->ticks);
+    free(x);
+    return s;
+}
+
+static size_t late_ticks(const player *p) {
+    size_t late = 0;
+    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].budget_us_used > 1e6 / p->s.rate_hz;
+    return late;
+}
+
+static void summary(FILE *f, const player *p) {
+    double force[SCENE_TRACKS] = {0};
+    size_t at[PALP_SEAM_LEVELS + 1] = {0}, aborted = 0, renewed = 0, active = 0;
+    for (size_t i = 0; i < p->ticks; i++) {
+        const play_tick *k = &p->tick[i];
+        at[k->answer.moving.level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : k->answer.moving.level]++;
+        aborted += k->answer.moving.aborted;
+        renewed += k->answer.moving.renewed;
+        if (k->answer.active > active) active = k->answer.active;
+        for (int t = 0; t < SCENE_TRACKS; t++)
+            force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
+    }
+    spread work = times(p, false), wall = times(p, true);
+    double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
+    fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
+            p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+    fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", work.p50,
+            work.p99, work.max, budget);
+    fprintf(f, "wall clock here       p50 %.1f, p99 %.1f, max %.1f us\n", wall.p50, wall.p99,
+            wall.max);
+    fprintf(f, "seam level           ");
+    for (uint32_t l = 0; l < PALP_SEAM_LEVELS; l++) {
+        if (at[l] > 0) fprintf(f, " %" PRIu32 ": %zu", l, at[l]);
+    }
+    if (at[PALP_SEAM_LEVELS] > 0) fprintf(f, " block diagonal: %zu", at[PALP_SEAM_LEVELS]);
+    fprintf(f, " ticks; factors made %zu, levels given up %zu\n", renewed, aborted);
+    fprintf(
+        f,
+        "contact               at most %zu points; largest force %.3g N on the object, %.3g N on "
+        "the probe\n",
+        active, force[SCENE_OBJECT], force[SCENE_PROBE]);
+}
+
+static void write_csv(const player *p, const char *path) {
+    output out = open_output(path);
+    fputs("t_s", out.file);
+    for (uint32_t j = 0; j < p->z->meta->joints; j++) fprintf(out.file, ",%s", p->z->joint[j].name);
+    fputs(",level,aborted,renewed,points,active,object_fx,object_fy,object_fz,probe_fx,probe_fy,"
+          "probe_fz,tick_us,wall_us\n",
+          out.file);
+    for (size_t i = 0; i < p->ticks; i++) {
+        const play_tick *k = &p->tick[i];
+        fprintf(out.file, "%.9g", k->t_s);
+        for (uint32_t j = 0; j < p->z->meta->joints; j++) fprintf(out.file, ",%.9g", k->value[j]);
+        if (k->answer.moving.level == PALP_DIAGONAL) {
+            fputs(",diagonal", out.file);
+        } else {
+            fprintf(out.file, ",%" PRIu32, k->answer.moving.level);
+        }
+        fprintf(out.file, ",%" PRIu32 ",%d,%" PRIu32 ",%" PRIu32, k->answer.moving.aborted,
+                k->answer.moving.renewed ? 1 : 0, k->answer.points, k->answer.active);
+        for (int t = 0; t < SCENE_TRACKS; t++)
+            fprintf(out.file, ",%.9g,%.9g,%.9g", (double)k->force_N[t].x, (double)k->force_N[t].y,
+                    (double)k->force_N[t].z);
+        fprintf(out.file, ",%.3f,%.3f\n", k->budget_us_used, k->wall_us);
+    }
+    commit_output(&out);
+}
+
+static void draw(FILE *f, const player *p, const char *title, const char *unit,
+                 double (*value)(const play_tick *, uint32_t), uint32_t count,
+                 const char *(*name)(const player *, uint32_t)) {
+    size_t step = p->ticks / 1500 + 1, n = p->ticks / step;
+    plot_series *series = allocate(count, sizeof *series);
+    double *x = allocate(n + 1, sizeof *x), *y = allocate((n + 1) * count, sizeof *y);
+    for (size_t i = 0; i < n; i++) x[i] = p->tick[i * step].t_s;
+    for (uint32_t k = 0; k < count; k++) {
+        for (size_t i = 0; i < n; i++) y[k * n + i] = value(&p->tick[i * step], k);
+        series[k] = (plot_series){.count = n, .x = x, .y = y + k * n};
+        snprintf(series[k].name, sizeof series[k].name, "%s", name(p, k));
+    }
+    plot_svg(f, &(plot_chart){.title = title,
+                              .x_label = "time (s)",
+                              .y_label = unit,
+                              .series = series,
+                              .count = count});
+    free(series);
+    free(x);
+    free(y);
+}
+
+static double joint_value(const play_tick *k, uint32_t j) { return k->value[j]; }
+static const char *joint_name(const player *p, uint32_t j) { return p->z->joint[j].name; }
+static double force_value(const play_tick *k, uint32_t t) {
+    return (double)palp_norm(k->force_N[t]);
+}
+static const char *force_name(const player *p, uint32_t t) {
+    (void)p;
+    return t == SCENE_OBJECT ? "object" : "probe";
+}
+static double level_value(const play_tick *k, uint32_t unused) {
+    (void)unused;
+    return k->answer.moving.level == PALP_DIAGONAL ? -1 : (double)k->answer.moving.level;
+}
+static const char *level_name(const player *p, uint32_t unused) {
+    (void)p;
+    (void)unused;
+    return "seam level (-1: block diagonal)";
+}
+static double time_value(const play_tick *k, uint32_t which) {
+    return which == 0 ? k->budget_us_used : k->wall_us;
+}
+static const char *time_name(const player *p, uint32_t which) {
+    return which == 1 ? "wall clock" : p->spec->wall ? "asked" : "by operations counted";
+}
+static double active_value(const play_tick *k, uint32_t unused) {
+    (void)unused;
+    return (double)k->answer.active;
+}
+static const char *active_name(const player *p, uint32_t unused) {
+    (void)p;
+    (void)unused;
+    return "points in contact";
+}
+
+static void write_report(const player *p, const char *path) {
+    output out = open_output(path);
+    FILE *f = out.file;
+    const play_tick *k = &p->tick[p->strongest];
+    fputs("<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Palp: a posed "
+          "multizone model</title><style>body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;"
+          "margin:2rem auto;padding:0 1rem;color:#222}pre{background:#f4f2ee;padding:1rem;"
+          "overflow:auto}svg{max-width:100%;height:auto}</style></head><body>\n<h1>A multizone "
+          "model in motion</h1>\n<pre>",
+          f);
+    summary(f, p);
+    fprintf(f,
+            "</pre>\n<p>At %.3f s, where the forces are largest; coloured by displacement.</p>\n",
+            k->t_s);
+    view_body body[PALP_MAX_ZONES];
+    for (uint32_t i = 0; i < p->z->meta->zones; i++)
+        body[i] = (view_body){.nodes = p->z->blob[i].meta->nodes,
+                              .triangles = p->z->blob[i].meta->triangles,
+                              .triangle = p->z->blob[i].triangle,
+                              .place_m = p->place[i],
+                              .heat = p->heat[i]};
+    view_cylinder cylinder = {
+        {(double)k->tool_m[0].x, (double)k->tool_m[0].y, (double)k->tool_m[0].z},
+        {p->s.cylinder[2], p->s.cylinder[3], p->s.cylinder[4]},
+        p->s.cylinder[0],
+        p->s.cylinder[1]};
+    view_posed(f, body, p->z->meta->zones, p->s.has[SCENE_OBJECT] ? &cylinder : NULL, 900, 560);
+    draw(f, p, "Joint values", "rad or m", joint_value, p->z->meta->joints, joint_name);
+    draw(f, p, "Force", "N", force_value, SCENE_TRACKS, force_name);
+    draw(f, p, "Level of the seams", "level", level_value, 1, level_name);
+    draw(f, p, "Contact", "points", active_value, 1, active_name);
+    draw(f, p, "Time of a tick", "us", time_value, 2, time_name);
+    fputs("</body></html>\n", f);
+    commit_output(&out);
+}
+
+static int ascending(const void *a, const void *b) {
+    double p = *(const double *)a, q = *(const double *)b;
+    return (p > q) - (p < q);
+}
+
+spread spread_of(double *x, size_t count) {
+    qsort(x, count, sizeof *x, ascending);
+    return (spread){x[count / 2], x[(count - 1) * 99 / 100], x[count - 1]};
+}
+
+double play_budget_us(const play_spec *s, double rate_hz) {
+    double period = 1e6 / rate_hz, budget = s->budget_us > 0 ? s->budget_us : 0.8 * period;
+    if (budget > period)
+        die(EXIT_USAGE, "--budget-us: %g us is longer than the period, %g us", budget, period);
+    return budget;
+}
+
+/* Which options go with which kind of model. */
+static void check_options(play_spec *s, bool dynamic) {
+    bool of_dynamic = s->material != NULL || s->young_Pa >= 0 || s->poisson > -1 ||
+                      s->damping_s >= 0 || s->drag_per_s >= 0 || s->uniform || s->refine_share > 0;
+    if (of_dynamic && !dynamic)
+        die(EXIT_USAGE,
+            "--material, --young, --poisson, --damping, --drag, --uniform and --refine are for "
+            "dynamic bodies; %s is a multizone model",
+            s->blob);
+    if (s->alone && dynamic)
+        die(EXIT_USAGE, "--no-pairs is for multizone models; %s is a dynamic body", s->blob);
+    if (!dynamic && s->finest >= PALP_SEAM_LEVELS)
+        die(EXIT_USAGE, "--finest: seams have the levels 0 to %u", PALP_SEAM_LEVELS - 1);
+    if (!(s->ns_per_operation > 0)) s->ns_per_operation = dynamic ? 0.15 : 0.25;
+    s->most_class = s->finest_given ? s->finest : PALP_STEP_CLASSES - 1;
+}
+
+int command_play(int argc, char **argv) {
+    play_spec s = {.finest = 4, .young_Pa = -1, .poisson = -1, .damping_s = -1, .drag_per_s = -1};
+    args_parse(argc, argv, options, help, set_option, &s);
+    if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
+    if (s.scene == NULL) die(EXIT_USAGE, "no scene: add --scene FILE");
+    size_t bytes;
+    char *data = read_file(s.blob, &bytes);
+    bool dynamic = palp_tets_are_here(data, bytes);
+    if (!dynamic && !palp_zones_are_here(data, bytes))
+        die(EXIT_WORK, "%s: neither a multizone model nor a dynamic body", s.blob);
+    check_options(&s, dynamic);
+    if (dynamic) return play_lively(&s, data, bytes);
+    player *p = allocate(1, sizeof *p);
+    p->spec = &s;
+    p->z = open_zones(s.blob, data, bytes);
+    p->s = scene_read(s.scene, p->z);
+    open_player(p);
+    run(p);
+    if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", s.scene);
+    summary(stdout, p);
+    if (s.csv != NULL) write_csv(p, s.csv);
+    if (s.report != NULL) write_report(p, s.report);
+    return late_ticks(p) > 0 && !s.wall ? EXIT_WORK : EXIT_SUCCESS;
+}

@@ -1,0 +1,423 @@
+/* SPDX-License-Identifier: MIT */
+#include "tools/mesh/mesh.h"
+#include "port/host/util.h"
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NONE UINT32_MAX
+
+mesh mesh_copy(const mesh *m) {
+    mesh c = *m;
+    c.x = allocate(m->vertices, sizeof *c.x);
+    c.t = allocate(m->triangles, sizeof *c.t);
+    memcpy(c.x, m->x, m->vertices * sizeof *c.x);
+    memcpy(c.t, m->t, m->triangles * sizeof *c.t);
+    return c;
+}
+
+void mesh_free(mesh *m) {
+    free(m->x);
+    free(m->t);
+    *m = (mesh){0};
+}
+
+void mesh_save_obj(const mesh *m, const char *path) {
+    output out = open_output(path);
+    for (uint32_t i = 0; i < m->vertices; i++) {
+        fprintf(out.file, "v %.17g %.17g %.17g\n", m->x[i][0], m->x[i][1], m->x[i][2]);
+    }
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        fprintf(out.file, "f %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", m->t[i][0] + 1, m->t[i][1] + 1,
+                m->t[i][2] + 1);
+    }
+    commit_output(&out);
+}
+
+uint32_t mesh_drop_unused(mesh *m) {
+    uint32_t *map = allocate(m->vertices, sizeof *map);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++) map[m->t[i][k]] = 1;
+    }
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < m->vertices; i++) {
+        if (map[i] == 0) continue;
+        memcpy(m->x[kept], m->x[i], sizeof m->x[i]);
+        map[i] = kept++;
+    }
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++) m->t[i][k] = map[m->t[i][k]];
+    }
+    uint32_t dropped = m->vertices - kept;
+    m->vertices = kept;
+    free(map);
+    return dropped;
+}
+
+/* A directed edge of a triangle, sorted by its undirected key. */
+typedef struct {
+    uint32_t low, high, triangle;
+    bool forward; /* the triangle runs low -> high */
+} half_edge;
+
+static int compare_half_edges(const void *a, const void *b) {
+    const half_edge *p = a;
+    const half_edge *q = b;
+    if (p->low != q->low) return p->low < q->low ? -1 : 1;
+    if (p->high != q->high) return p->high < q->high ? -1 : 1;
+    return p->triangle < q->triangle ? -1 : p->triangle > q->triangle;
+}
+
+static half_edge *sorted_half_edges(const mesh *m) {
+    half_edge *h = allocate(3 * (size_t)m->triangles, sizeof *h);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = m->t[i][k];
+            uint32_t b = m->t[i][(k + 1) % 3];
+            h[3 * i + (uint32_t)k] =
+                a < b ? (half_edge){a, b, i, true} : (half_edge){b, a, i, false};
+        }
+    }
+    qsort(h, 3 * (size_t)m->triangles, sizeof *h, compare_half_edges);
+    return h;
+}
+
+/* First half edge behind the run that starts at i. */
+static size_t run_end(const half_edge *h, size_t i, size_t count) {
+    size_t j = i + 1;
+    while (j < count && h[j].low == h[i].low && h[j].high == h[i].high) j++;
+    return j;
+}
+
+mesh_edge *mesh_edges(const mesh *m, uint32_t *count) {
+    size_t total = 3 * (size_t)m->triangles;
+    half_edge *h = sorted_half_edges(m);
+    mesh_edge *e = allocate(total / 2 + 1, sizeof *e);
+    uint32_t n = 0;
+    for (size_t i = 0; i + 1 < total; i += 2) {
+        e[n++] = (mesh_edge){h[i].low, h[i].high, {h[i].triangle, h[i + 1].triangle}};
+    }
+    free(h);
+    *count = n;
+    return e;
+}
+
+static void append_triangle(mesh *m, size_t *capacity, uint32_t a, uint32_t b, uint32_t c) {
+    m->t = grow(m->t, capacity, m->triangles + 1, sizeof *m->t);
+    m->t[m->triangles][0] = a;
+    m->t[m->triangles][1] = b;
+    m->t[m->triangles][2] = c;
+    m->triangles++;
+}
+
+/*
+ * Closes the loop by a fan about its centroid, which can never repeat an edge of the surface. The
+ * loop runs against the boundary direction of the surrounding triangles.
+ */
+static void fill_loop(mesh *m, size_t *triangle_capacity, size_t *vertex_capacity,
+                      const uint32_t *loop, uint32_t n) {
+    if (n == 3) {
+        append_triangle(m, triangle_capacity, loop[0], loop[1], loop[2]);
+        return;
+    }
+    m->x = grow(m->x, vertex_capacity, m->vertices + 1u, sizeof *m->x);
+    double *center = m->x[m->vertices];
+    memset(center, 0, 3 * sizeof *center);
+    for (uint32_t i = 0; i < n; i++) {
+        for (int k = 0; k < 3; k++) center[k] += m->x[loop[i]][k] / n;
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        append_triangle(m, triangle_capacity, loop[i], loop[(i + 1) % n], m->vertices);
+    }
+    m->vertices++;
+}
+
+uint32_t mesh_fill_holes(mesh *m, double largest) {
+    size_t total = 3 * (size_t)m->triangles;
+    half_edge *h = sorted_half_edges(m);
+    uint32_t *next = allocate(m->vertices, sizeof *next); /* boundary successor, reversed */
+    uint32_t *loop = allocate(m->vertices, sizeof *loop);
+    memset(next, 0xff, m->vertices * sizeof *next);
+    for (size_t i = 0; i < total;) {
+        size_t j = run_end(h, i, total);
+        if (j == i + 1) {
+            uint32_t from = h[i].forward ? h[i].high : h[i].low;
+            next[from] = h[i].forward ? h[i].low : h[i].high;
+        }
+        i = j;
+    }
+    double limit = largest * mesh_diagonal(m);
+    size_t triangle_capacity = m->triangles, vertex_capacity = m->vertices;
+    uint32_t filled = 0, before = m->vertices;
+    for (uint32_t start = 0; start < before; start++) {
+        uint32_t n = 0;
+        double length = 0;
+        for (uint32_t v = start; next[v] != NONE;) {
+            uint32_t w = next[v];
+            next[v] = NONE;
+            loop[n++] = v;
+            length += v_distance(m->x[v], m->x[w]);
+            v = w;
+        }
+        if (n < 3 || length > limit) continue;
+        fill_loop(m, &triangle_capacity, &vertex_capacity, loop, n);
+        filled++;
+    }
+    free(next);
+    free(loop);
+    free(h);
+    return filled;
+}
+
+static void flip(uint32_t t[3]) {
+    uint32_t swap = t[1];
+    t[1] = t[2];
+    t[2] = swap;
+}
+
+/* neighbour[t][k] = the triangle across the edge that starts at corner k; exits on a bad edge. */
+static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour)[3]) {
+    size_t total = 3 * (size_t)m->triangles;
+    half_edge *h = sorted_half_edges(m);
+    for (size_t i = 0; i < total;) {
+        size_t j = run_end(h, i, total);
+        if (j - i == 1) {
+            die(EXIT_WORK,
+                "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
+                " (0-based): close it (palp remesh closes holes with a rim of at most the bounding "
+                "box diagonal; "
+                "vertices that only look joined must be welded)",
+                path, h[i].low, h[i].high, h[i].triangle);
+        }
+        if (j - i > 2) {
+            die(EXIT_WORK,
+                "%s: edge %" PRIu32 "-%" PRIu32
+                " (0-based) belongs to %zu triangles (non-manifold): "
+                "split the surface there",
+                path, h[i].low, h[i].high, j - i);
+        }
+        for (size_t k = i; k < j; k++) {
+            const half_edge *e = &h[k];
+            const uint32_t *t = m->t[e->triangle];
+            uint32_t from = e->forward ? e->low : e->high;
+            for (int c = 0; c < 3; c++) {
+                if (t[c] == from) neighbour[e->triangle][c] = h[k == i ? i + 1 : i].triangle;
+            }
+        }
+        i = j;
+    }
+    free(h);
+}
+
+/* Whether both triangles run along a common edge in the same direction, so that one is inside out.
+ */
+static bool share_direction(const uint32_t s[3], const uint32_t t[3]) {
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++) {
+            if (s[i] == t[k] && s[(i + 1) % 3] == t[(k + 1) % 3]) return true;
+        }
+    }
+    return false;
+}
+
+/* Orients every triangle like triangle 0; exits unless all are reached. */
+static void orient(mesh *m, const char *path, uint32_t (*neighbour)[3]) {
+    uint32_t *queue = allocate(m->triangles, sizeof *queue);
+    bool *seen = allocate(m->triangles, sizeof *seen);
+    uint32_t head = 0, tail = 0;
+    queue[tail++] = 0;
+    seen[0] = true;
+    while (head < tail) {
+        uint32_t i = queue[head++];
+        for (int k = 0; k < 3; k++) {
+            uint32_t j = neighbour[i][k];
+            if (seen[j]) continue;
+            if (share_direction(m->t[i], m->t[j])) flip(m->t[j]);
+            seen[j] = true;
+            queue[tail++] = j;
+        }
+    }
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        if (!seen[i]) {
+            die(EXIT_WORK,
+                "%s: the mesh has several components: triangle %" PRIu32
+                " (0-based) is not connected to triangle 0; keep one closed surface",
+                path, i);
+        }
+    }
+    free(queue);
+    free(seen);
+}
+
+static void require_oriented(const mesh *m, const char *path) {
+    size_t total = 3 * (size_t)m->triangles;
+    half_edge *h = sorted_half_edges(m);
+    for (size_t i = 0; i + 1 < total; i += 2) {
+        if (h[i].forward == h[i + 1].forward) {
+            die(EXIT_WORK, "%s: the surface is one-sided at edge %" PRIu32 "-%" PRIu32 " (0-based)",
+                path, h[i].low, h[i].high);
+        }
+    }
+    free(h);
+}
+
+/* Each vertex must be surrounded by one fan: as many neighbours met by walking as triangles hold
+ * it. */
+static void require_manifold_vertices(const mesh *m, const char *path) {
+    uint32_t *valence = allocate(m->vertices, sizeof *valence);
+    uint32_t *any = allocate(m->vertices, sizeof *any);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++) {
+            valence[m->t[i][k]]++;
+            any[m->t[i][k]] = i;
+        }
+    }
+    uint32_t(*across)[3] = allocate(m->triangles, sizeof *across);
+    pair_triangles(m, path, across);
+    for (uint32_t v = 0; v < m->vertices; v++) {
+        if (valence[v] == 0) {
+            die(EXIT_WORK, "%s: vertex %" PRIu32 " (0-based) belongs to no triangle: remove it",
+                path, v);
+        }
+        uint32_t t = any[v], steps = 0;
+        do {
+            int k = 0;
+            while (m->t[t][k] != v) k++;
+            t = across[t][k];
+            steps++;
+        } while (t != any[v] && steps <= valence[v]);
+        if (steps != valence[v]) {
+            die(EXIT_WORK,
+                "%s: vertex %" PRIu32
+                " (0-based) joins separate parts of the surface (non-manifold): "
+                "duplicate it",
+                path, v);
+        }
+    }
+    free(across);
+    free(any);
+    free(valence);
+}
+
+static void require_sound_triangles(const mesh *m, const char *path) {
+    double scale = mesh_diagonal(m);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        const uint32_t *t = m->t[i];
+        double n[3];
+        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
+        bool repeated = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+        if (repeated || !(v_norm(n) > 1e-14 * scale * scale)) {
+            die(EXIT_WORK, "%s: triangle %" PRIu32 " (0-based) has no area: collapse it", path, i);
+        }
+    }
+}
+
+void mesh_require_closed(mesh *m, const char *path) {
+    if (m->triangles < 4)
+        die(EXIT_WORK, "%s: %" PRIu32 " triangles make no closed surface", path, m->triangles);
+    require_sound_triangles(m, path);
+    uint32_t(*neighbour)[3] = allocate(m->triangles, sizeof *neighbour);
+    pair_triangles(m, path, neighbour);
+    orient(m, path, neighbour);
+    free(neighbour);
+    require_oriented(m, path);
+    require_manifold_vertices(m, path);
+    if (mesh_volume(m) < 0) {
+        for (uint32_t i = 0; i < m->triangles; i++) flip(m->t[i]);
+    }
+}
+
+static int compare_pairs(const void *a, const void *b) {
+    const uint32_t *p = a;
+    const uint32_t *q = b;
+    if (p[0] != q[0]) return p[0] < q[0] ? -1 : 1;
+    return p[1] < q[1] ? -1 : p[1] > q[1];
+}
+
+void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring) {
+    size_t total = 3 * (size_t)m->triangles;
+    uint32_t(*pair)[2] = allocate(total, sizeof *pair);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (uint32_t k = 0; k < 3; k++) {
+            /* On a closed oriented surface every undirected edge gives both directed ones. */
+            pair[3 * i + k][0] = m->t[i][k];
+            pair[3 * i + k][1] = m->t[i][(k + 1) % 3];
+        }
+    }
+    qsort(pair, total, sizeof *pair, compare_pairs);
+    *offset = allocate(m->vertices + 1u, sizeof **offset);
+    *ring = allocate(total, sizeof **ring);
+    for (size_t i = 0; i < total; i++) {
+        (*ring)[i] = pair[i][1];
+        (*offset)[pair[i][0] + 1]++;
+    }
+    for (uint32_t i = 0; i < m->vertices; i++) (*offset)[i + 1] += (*offset)[i];
+    free(pair);
+}
+
+double mesh_volume(const mesh *m) {
+    double sum = 0;
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        double c[3];
+        v_cross(m->x[m->t[i][1]], m->x[m->t[i][2]], c);
+        sum += v_dot(m->x[m->t[i][0]], c);
+    }
+    return sum / 6;
+}
+
+double mesh_diagonal(const mesh *m) {
+    double lo[3], hi[3];
+    memcpy(lo, m->x[0], sizeof lo);
+    memcpy(hi, m->x[0], sizeof hi);
+    for (uint32_t i = 1; i < m->vertices; i++) {
+        for (int k = 0; k < 3; k++) {
+            lo[k] = fmin(lo[k], m->x[i][k]);
+            hi[k] = fmax(hi[k], m->x[i][k]);
+        }
+    }
+    return v_distance(lo, hi);
+}
+
+double mesh_mean_edge(const mesh *m) {
+    double sum = 0;
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++) sum += v_distance(m->x[m->t[i][k]], m->x[m->t[i][(k + 1) % 3]]);
+    }
+    return sum / (3.0 * m->triangles);
+}
+
+static double corner_angle(const mesh *m, uint32_t triangle, int corner) {
+    const uint32_t *t = m->t[triangle];
+    double u[3], v[3], c[3];
+    v_sub(m->x[t[(corner + 1) % 3]], m->x[t[corner]], u);
+    v_sub(m->x[t[(corner + 2) % 3]], m->x[t[corner]], v);
+    v_cross(u, v, c);
+    return atan2(v_norm(c), v_dot(u, v));
+}
+
+void mesh_nodal(const mesh *m, double *area, double (*normal)[3]) {
+    memset(area, 0, m->vertices * sizeof *area);
+    memset(normal, 0, m->vertices * sizeof *normal);
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        const uint32_t *t = m->t[i];
+        double n[3];
+        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
+        double twice = v_norm(n);
+        for (int k = 0; k < 3; k++) {
+            double angle = corner_angle(m, i, k);
+            area[t[k]] += twice / 6;
+            for (int c = 0; c < 3; c++) normal[t[k]][c] += angle * n[c] / twice;
+        }
+    }
+    for (uint32_t i = 0; i < m->vertices; i++) v_normalize(normal[i]);
+}
+
+double mesh_smallest_angle_deg(const mesh *m) {
+    double smallest = 180;
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        for (int k = 0; k < 3; k++)
+            smallest = fmin(smallest, corner_angle(m, i, k) * 57.29577951308232);
+    }
+    return smallest;
+}

@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: MIT */
+/* Triangle meshes on the host: loading, checking, connectivity, geometry. Double precision, SI
+ * units. */
+#ifndef PALP_TOOLS_MESH_H
+#define PALP_TOOLS_MESH_H
+
+#include "port/host/vec3.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct {
+    uint32_t vertices, triangles;
+    double (*x)[3];
+    uint32_t (*t)[3];
+} mesh;
+
+/* Undirected edge a < b with its two triangles, in the order in which triangles name it. */
+typedef struct {
+    uint32_t a, b;
+    uint32_t triangle[2];
+} mesh_edge;
+
+/* Reads OBJ, STL or PLY by content and extension; polygons are triangulated. Exits on bad files. */
+mesh mesh_load(const char *path);
+void mesh_save_obj(const mesh *m, const char *path);
+mesh mesh_copy(const mesh *m);
+void mesh_free(mesh *m);
+
+/* Removes vertices that no triangle names; returns how many. */
+uint32_t mesh_drop_unused(mesh *m);
+
+/*
+ * Closes boundary loops whose length is at most `largest` times the bounding box diagonal; returns
+ * how many were closed. Longer ones stay open.
+ */
+uint32_t mesh_fill_holes(mesh *m, double largest);
+
+/*
+ * Makes triangles consistently oriented, outward, and exits with the offending element unless the
+ * mesh is one closed, edge- and vertex-manifold component of non-degenerate triangles without
+ * unused vertices.
+ */
+void mesh_require_closed(mesh *m, const char *path);
+
+/* All edges of a closed manifold mesh, sorted by (a, b); *count = 3 triangles / 2. */
+mesh_edge *mesh_edges(const mesh *m, uint32_t *count);
+
+/* Neighbours of each vertex: ring[offset[i]..offset[i+1]), ascending. */
+void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring);
+
+double mesh_volume(const mesh *m);
+double mesh_diagonal(const mesh *m);
+double mesh_mean_edge(const mesh *m);
+/* Integral of each vertex' hat function (MR 4) and the angle-weighted outward unit normals. */
+void mesh_nodal(const mesh *m, double *area, double (*normal)[3]);
+double mesh_smallest_angle_deg(const mesh *m);
+
+#endif

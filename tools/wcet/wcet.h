@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT */
+/* The parts of palp wcet: the table of bounds (wcet.c) and the hunt for what comes near them. */
+#ifndef PALP_TOOLS_WCET_H
+#define PALP_TOOLS_WCET_H
+
+#include "port/host/machine.h"
+
+typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
+
+typedef struct {
+    const char *blob, *target, *keep, *replay;
+    double rate_hz, margin, hunt_s;
+    wcet_tool tool;
+    bool friction, limited, json; /* limited: --limits was given */
+} wcet_spec;
+
+typedef struct {
+    char step[12], counts[64];
+    int level, outer; /* of contact, of seams, or of meshes; -1: approximate seams */
+    double instructions, bytes;
+} wcet_row;
+
+typedef struct {
+    wcet_row *row;
+    size_t rows, capacity;
+    size_t ram_bytes, stack_bytes;
+} wcet_table;
+
+/* Looks for the most expensive tick on each level for so many seconds and says on stderr how near
+ * it comes to the bound; writes its path to spec->keep. */
+void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob);
+/* Goes along a kept path and prints a line per tick. Returns the exit code. */
+int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob);
+
+/* palp wcet: argv with the command's name first; returns the exit code. */
+int command_wcet(int argc, char **argv);
+
+#endif
