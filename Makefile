@@ -23,9 +23,11 @@ WARN := -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wfloa
         -Wstrict-prototypes -Wmissing-prototypes -Wundef -Wvla -Werror
 OPTIMISE ?= -O3
 INSTRUMENT ?= # flags of sanitizers, for compiler and linker
-SHARED := -std=c11 $(OPTIMISE) $(FLAGS_$(TARGET)) $(INSTRUMENT) -ffp-contract=off -fno-math-errno -I. $(WARN)
-CORE_FLAGS := $(SHARED) -fno-trapping-math -ffreestanding
-HOST_FLAGS := $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
+PLAIN ?= # folders that go without them
+$(foreach p,$(PLAIN),$(eval $(BUILD)/$(p)/%.o: override INSTRUMENT := ))
+SHARED = -std=c11 $(OPTIMISE) $(FLAGS_$(TARGET)) $(INSTRUMENT) -ffp-contract=off -fno-math-errno -I. $(WARN)
+CORE_FLAGS = $(SHARED) -fno-trapping-math -ffreestanding
+HOST_FLAGS = $(SHARED) -D_GNU_SOURCE -pthread -Wno-psabi
 DEPS = -MMD -MP
 
 CORE := $(sort $(wildcard core/*/*.c))
@@ -191,7 +193,7 @@ check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other t
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours
 	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 FULL=1 HOURS=24 DEVICES='arm3 delta3 pantograph desk3 arm3-mit' \
-	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm wcet same-bits dynamic fuzz reproduce day zwidth)
+	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits dynamic fuzz reproduce day zwidth)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices
