@@ -14,6 +14,7 @@
  *
  * Layers, each standing on those above it:
  *   base/   status codes, vectors, small dense factorisations, CRC, arena
+ *   budget/ kinds of work, unit costs per target
  *   blob/   format, validation, typed views
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface

@@ -10,7 +10,7 @@
 #ifndef PALP_CONTACT_COST_H
 #define PALP_CONTACT_COST_H
 
-#include "core/base/price.h"
+#include "core/budget/price.h"
 #include "core/contact/contact.h"
 
 /* Of one thing that presses. */

@@ -6,7 +6,7 @@
 #ifndef PALP_GREEN_COST_H
 #define PALP_GREEN_COST_H
 
-#include "core/base/price.h"
+#include "core/budget/price.h"
 #include "core/blob/blob.h"
 
 /* palp_wavelet_row, palp_basis_row with up to `entries` marks: ROW + 3 levels (words ROW_WORD +

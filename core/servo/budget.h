@@ -8,7 +8,7 @@
 #ifndef PALP_SERVO_BUDGET_H
 #define PALP_SERVO_BUDGET_H
 
-#include "core/servo/target.h"
+#include "core/budget/target.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

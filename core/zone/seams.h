@@ -25,7 +25,7 @@
 #ifndef PALP_ZONE_SEAMS_H
 #define PALP_ZONE_SEAMS_H
 
-#include "core/base/price.h"
+#include "core/budget/price.h"
 #include "core/base/arena.h"
 #include "core/zone/posture.h"
 

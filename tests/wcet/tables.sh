@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# The shipped cost tables from counted cases: tables.sh CASES_X86_64 CASES_AVX2 CASES_A53 CASES_M7 > core/servo/targets.c
+# The shipped cost tables from counted cases: tables.sh CASES_X86_64 CASES_AVX2 CASES_A53 CASES_M7 > core/budget/targets.c
 set -e
 cat <<'C'
 /* SPDX-License-Identifier: MIT */

@@ -5,10 +5,10 @@
  * hunted cases, and checked against others (tests/wcet). Another compiler or other flags want a
  * table of their own: tests/wcet/README.md says how to make one.
  */
-#ifndef PALP_SERVO_TARGET_H
-#define PALP_SERVO_TARGET_H
+#ifndef PALP_BUDGET_TARGET_H
+#define PALP_BUDGET_TARGET_H
 
-#include "core/base/price.h"
+#include "core/budget/price.h"
 
 typedef struct {
     char name[24];

@@ -3,10 +3,10 @@
  * What work costs. The bound of every operation is a sum of named counts (points, nodes in
  * contact, elements due ...) times what one of each kind of work costs: the `cost` headers beside
  * the operations give the sums, and these prices the rest. The same sums are instructions on a
- * target, bytes touched, or nanoseconds, by the prices that they are given (servo/target.h).
+ * target, bytes touched, or nanoseconds, by the prices that they are given (budget/target.h).
  */
-#ifndef PALP_BASE_PRICE_H
-#define PALP_BASE_PRICE_H
+#ifndef PALP_BUDGET_PRICE_H
+#define PALP_BUDGET_PRICE_H
 
 /* X(NAME, name in tables, what one of it is) */
 #define PALP_WORK_LIST(X)                                                                          \
