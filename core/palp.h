@@ -27,7 +27,7 @@
  *   haptic/ virtual coupling that foresees
  *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
  *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
- * bounded tick of a dynamic body
+ *           bounded tick of a dynamic body
  *
  * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
  * SI and part of each name that has one. Costs are given in the counts of the blob and of the

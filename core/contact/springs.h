@@ -8,9 +8,8 @@
  * the rim slips first. Spring j is stretched by e_j and twisted by t_j, from the material that it
  * holds on to:
  *
- *     P = sum_j w_j M e_j,   |M e_j| <= mu (z - z_j)             force on the body, along the
- * surface Q = sum_j k_j t_j,     |t_j| <= mu N / (G a^2) phi(a_j / a)           moment about the
- * normal
+ *     P = sum_j w_j M e_j,   |M e_j| <= mu (z - z_j)               force on the body
+ *     Q = sum_j k_j t_j,     |t_j| <= mu N / (G a^2) phi(a_j / a)  moment about the normal
  *
  * where both act together the squares of what each asks of its bound add up to at most 1 (the
  * ellipsoid of Howe and Cutkosky).
@@ -19,9 +18,9 @@
  *     w_j  sum_j w_j = 1 / m
  *     z_j  sum_j w_j (z - z_j) = N, so that |P| <= mu N
  *     a_j  radius of what has touched at depth z_j, a of all; sum_j k_j = 16/3 G a^3
- *     phi  (3 / 4 pi) (K - E)(sqrt(1 - x^2)), complete elliptic integrals: the stick radius of
- *          Lubkin's contact, whose moment grows as that of a punch of this radius; to 3 pi/16 mu N
- * a
+ *     phi  (3 / 4 pi) (K - E)(sqrt(1 - x^2)), complete elliptic integrals: the turn at which the
+ *          stick radius of Lubkin's contact is x a; its moment grows as that of a punch of this
+ *          radius, to 3 pi / 16 mu N a
  *
  * For a rounded tool (A ~ 1 / sqrt(z), Hertz) z = 1.5 N m, in PALP_SPRINGS_DEPTHS depths that are
  * equidistant in sqrt(z) up to z_top and stay where they are while the load changes: what is

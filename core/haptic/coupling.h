@@ -3,8 +3,9 @@
  * Virtual coupling: a spring holds each tool to its device, and the contact finds where it comes
  * to rest on the surface (a proxy, with the device's limit of stiffness).
  *
- *     tool = device + (F + T + O) / k      F contact, T friction, O what a change of level left
- * over force on the hand = k (tool - device) + D      while touching, else 0
+ *     tool = device + (F + T + O) / k                  F contact, T friction,
+ *                                                      O what a change of level left over
+ *     force on the hand = k (tool - device) + D        while touching, else 0
  *
  * The damper D acts against the velocity v of the device along F alone, and along T where that
  * sticks, by at most half of each:

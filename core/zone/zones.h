@@ -9,9 +9,10 @@
  * span the affine functions, so any rigid mismatch of two posed rest shapes lies in them, on every
  * level. In these modes, with M the modes of all seams of a zone,
  *
- *     stiffness   K = Q^T M Xi_SS Q   [M][M], symmetric (N/m; M makes tractions work-conjugate
- * forces) follow      H = Xi_FS Q               displacement of each free node reaction    force on
- * each fixed node weight      force at the seams for unit acceleration
+ *     stiffness   K = Q^T M Xi_SS Q   [M][M], symmetric (N/m; M makes tractions forces)
+ *     follow      H = Xi_FS Q         displacement of each free node
+ *     reaction                        force on each fixed node
+ *     weight                          force at the seams for unit acceleration
  *
  * all in 3x3 blocks, in the model's rest coordinates.
  */

@@ -6,7 +6,7 @@
 #define FINEST (PALP_CONTACT_LEVELS - 1u)
 
 palp_contact *contact_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
-                         uint32_t level) {
+                           uint32_t level) {
     size_t bytes = palp_contact_memsize(blob, tools, FINEST);
     palp_contact *c = allocate(1, sizeof *c);
     palp_status status =

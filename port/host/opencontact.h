@@ -8,7 +8,7 @@
 /* A contact of so many tools, on `level` of the finest there is. Exits when the body cannot be
  * touched. */
 palp_contact *contact_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
-                         uint32_t level);
+                           uint32_t level);
 void contact_close(palp_contact *contact);
 
 #endif

@@ -27,7 +27,8 @@ static inline void v_normalize(double a[3]) {
     for (int k = 0; k < 3; k++) a[k] = n > 0 ? a[k] / n : 0;
 }
 /* Twice the area times the unit normal of a triangle given by its corners. */
-static inline void triangle_normal(const double a[3], const double b[3], const double c[3], double n[3]) {
+static inline void triangle_normal(const double a[3], const double b[3], const double c[3],
+                                   double n[3]) {
     double u[3], v[3];
     v_sub(b, a, u);
     v_sub(c, a, v);

@@ -5,8 +5,8 @@
  *   /palp/joint_states  sensor_msgs/JointState       position rad, velocity rad/s, effort Nm
  *   /palp/wrench        geometry_msgs/WrenchStamped  force at the tip, N
  *   /palp/pose          geometry_msgs/PoseStamped    the tip, m
- *   /palp/fault         std_msgs/String              state and faults when they change; reliable,
- * kept
+ *   /palp/fault         std_msgs/String              state and faults when they change;
+ *                                                    reliable, kept
  *
  * Built with Cyclone DDS when the Makefile finds it, else as a refusal.
  */

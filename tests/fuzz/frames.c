@@ -5,9 +5,9 @@
  * torques.
  *
  *   byte 0: which device; then per tick a head byte:
- *     bits 0-1 frames from the fuzzer, bit 2 let the simulated drives' frames through, bit 3 events
- *     byte follows, bit 4 skipped byte follows; per frame: id u16 (or a choice of ours), length,
- * data
+ *     bits 0-1 frames from the fuzzer, bit 2 keep the simulated drives' frames away, bit 3 an events
+ *     byte follows, bit 4 skipped periods follow; per frame: id u16 (or a choice of ours), length,
+ *     data
  */
 #include "core/palp.h"
 #include "sim/bus.h"

@@ -188,11 +188,8 @@ static void test_quiet(void) {
 static void test_state(void) {
     palp_safety s;
     palp_safety_init(&s, 0.001f, 0, true);
-    const palp_axes_health well = {.heard = true,
-                                   .configured = true,
-                                   .well = true,
-                                   .enabled = true,
-                                   .homed = true};
+    const palp_axes_health well = {
+        .heard = true, .configured = true, .well = true, .enabled = true, .homed = true};
     for (int i = 0; i < 1000; i++) (void)palp_safety_tick(&s, 0, 1, &well);
     const bool run = s.state == PALP_STATE_RUN;
     palp_safety_latch(&s, PALP_FAULT_ENERGY);

@@ -43,8 +43,7 @@ typedef struct {
     size_t ticks;
     lively_tick *tick;
     film film;
-    double jump_m, step_m,
-        fade_m; /* of the surface: largest difference that a change left
+    double jump_m, step_m, fade_m; /* of the surface: largest difference that a change left
                    to fade; largest motion, and beyond it, of a vertex in a tick */
 } player;
 
