@@ -16,7 +16,8 @@
  * is symmetric. B is the half-space's response (Boussinesq, Cerruti), singular at the load, and H
  * the body's regular rest by its modes (blob.h):
  *
- *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu e e^T + (1/2 - nu) (e n^T - n e^T)),  e = r / |r|
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu e e^T + (1/2 - nu) (e n^T - n e^T))
+ *     e = r / |r|
  *
  * with n = (n_i + n_j) / 2. A point that stands for a cell of a regular hexagonal lattice of
  * spacing s has 1 / |r| -> PALP_LATTICE_SELF / s and r r^T / |r|^2 -> (I - n n^T) / 2 in its own B.

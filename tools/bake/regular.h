@@ -5,7 +5,8 @@
  * Near its load a body is a half-space. With B_kl the displacement of node k when a unit force is
  * spread over the hat of node l of a half-space (Boussinesq and Cerruti; n = (n_k + n_l) / 2),
  *
- *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu e e^T + (1/2 - nu) (e n^T - n e^T)),  e = r / |r|
+ *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu e e^T + (1/2 - nu) (e n^T - n e^T))
+ *     e = r / |r|
  *
  * the rest H = G - B has no singularity and few modes: its eigenpairs of largest magnitude,
  * weighted by nodal areas, are what the blob stores. Zero at fixed nodes.
