@@ -33,7 +33,7 @@ DEPS = -MMD -MP
 CORE := $(sort $(wildcard core/*/*.c))
 HOST_LIB := $(sort $(wildcard port/host/*.c))
 SIM_LIB := $(filter-out sim/palp_sim.c,$(sort $(wildcard sim/*.c)))
-TOOLS_LIB := $(filter-out tools/cli/main.c,$(sort $(wildcard tools/*/*.c)))
+TOOLS_LIB := $(filter-out tools/cli/main.c tools/examples/%,$(sort $(wildcard tools/*/*.c)))
 # Telemetry is built with Cyclone DDS where that is installed (never when cross-building).
 DDS := $(if $(CROSS),,$(shell command -v idlc >/dev/null && pkg-config --exists CycloneDDS && echo yes))
 DDS_UNUSED := port/linux/telemetry_$(if $(DDS),none,dds).c
@@ -131,7 +131,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(
 	@mkdir -p $(@D)
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet feel) tests/freestanding.sh
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic wcet feel examples) tests/freestanding.sh
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) COUNTS=$(BUILD)/test.counts sh tests/run.sh $(UNIT_BIN) $(CLI)
 

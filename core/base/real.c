@@ -7,6 +7,8 @@
 #define HALF_PI_LO 3.138557e-7f
 #define TAN_PI_8 0.414213562f
 
+float palp_square_root(float x) { return __builtin_sqrtf(x); }
+
 static float sine_kernel(float r) {
     float s = r * r;
     float p = -1.9515296e-4f;

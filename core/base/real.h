@@ -22,7 +22,14 @@ typedef struct {
     float xx, xy, yy;
 } palp_symmetric2;
 
+/* Square root, rounded correctly. A program that is compiled with errno for mathematics in mind
+ * gets the library's own, so that it needs no libm. */
+float palp_square_root(float x);
+#ifdef __NO_MATH_ERRNO__
 static inline float palp_sqrt(float x) { return __builtin_sqrtf(x); }
+#else
+static inline float palp_sqrt(float x) { return palp_square_root(x); }
+#endif
 static inline float palp_abs(float x) { return __builtin_fabsf(x); }
 static inline float palp_min(float a, float b) { return a < b ? a : b; }
 static inline float palp_max(float a, float b) { return a > b ? a : b; }
