@@ -8,13 +8,19 @@
 
 #define BLOB_BYTES (64u << 20)
 
-static palp_status read_blob(palp_blob *blob, const char *path) {
+/* False, having said why, if there is no sound blob. */
+static bool read_blob(palp_blob *blob, const char *path) {
     static _Alignas(PALP_ALIGN) uint8_t data[BLOB_BYTES];
     FILE *f = fopen(path, "rb");
-    if (f == NULL) return PALP_ERR_ABSENT;
+    if (f == NULL) {
+        perror(path);
+        return false;
+    }
     const size_t bytes = fread(data, 1, sizeof data, f);
     fclose(f);
-    return palp_blob_open(blob, data, bytes);
+    const palp_status status = palp_blob_open(blob, data, bytes);
+    if (status != PALP_OK) fprintf(stderr, "%s: %s\n", path, palp_status_text(status));
+    return status == PALP_OK;
 }
 
 static uint32_t highest_node(const palp_blob *b) {

@@ -70,11 +70,7 @@ int main(int argc, char **argv) {
     drive drives[PALP_AXES] = {{.on = false}};
     float bound_ns, largest_N = 0;
     if (argc != 2) return 2;
-    palp_status status = read_blob(&blob, argv[1]);
-    if (status != PALP_OK) {
-        fprintf(stderr, "%s: %s\n", argv[1], palp_status_text(status));
-        return 1;
-    }
+    if (!read_blob(&blob, argv[1])) return 1;
     const palp_vec3 top = palp_vec3_at(blob.rest_m + 3u * highest_node(&blob));
     const palp_servo_config config = {
         .device = arm,
@@ -85,7 +81,8 @@ int main(int argc, char **argv) {
         .cost = {.target = &palp_target_x86_64, .ns_per_instruction = 0.5f, .margin = 0.8f},
         .port = {.now_ns = monotonic_ns},
         .tool = palp_tool_sphere(arm.tool_radius_m)};
-    status = palp_servo_open(&servo, &blob, &config, memory, sizeof memory, &bound_ns);
+    const palp_status status =
+        palp_servo_open(&servo, &blob, &config, memory, sizeof memory, &bound_ns);
     if (status != PALP_OK) {
         fprintf(stderr, "servo: %s (%zu bytes wanted, %g us)\n", palp_status_text(status),
                 palp_servo_memsize(&blob, config.finest), (double)bound_ns * 1e-3);

@@ -16,14 +16,11 @@ int main(int argc, char **argv) {
     palp_blob blob;
     static palp_contact contact;
     if (argc != 2) return 2;
-    palp_status status = read_blob(&blob, argv[1]);
-    if (status != PALP_OK) {
-        fprintf(stderr, "%s: %s\n", argv[1], palp_status_text(status));
-        return 1;
-    }
+    if (!read_blob(&blob, argv[1])) return 1;
     const palp_tool sphere = palp_tool_sphere(3.0f * blob.meta->mean_edge_m);
     const float radius = sphere.ball[0].radius_m;
-    status = palp_contact_init(&contact, &blob, &sphere, 1, LEVEL, memory, sizeof memory);
+    const palp_status status =
+        palp_contact_init(&contact, &blob, &sphere, 1, LEVEL, memory, sizeof memory);
     if (status != PALP_OK) {
         fprintf(stderr, "contact: %s (it takes %zu bytes)\n", palp_status_text(status),
                 palp_contact_memsize(&blob, 1, LEVEL));

@@ -23,11 +23,7 @@ int main(int argc, char **argv) {
     palp_blob blob;
     float bound_ns;
     if (argc != 2) return 2;
-    palp_status status = read_blob(&blob, argv[1]);
-    if (status != PALP_OK) {
-        fprintf(stderr, "%s: %s\n", argv[1], palp_status_text(status));
-        return 1;
-    }
+    if (!read_blob(&blob, argv[1])) return 1;
     const float radius = 3.0f * blob.meta->mean_edge_m;
     const palp_tool tools[TOOLS] = {palp_tool_sphere(radius), palp_tool_sphere(radius)};
     const palp_answer_config config = {
@@ -38,7 +34,7 @@ int main(int argc, char **argv) {
         .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.1f, .margin = 0.8f},
         .port = {.now_ns = work_clock, .context = &answer},
         .dt_s = 1.0f / RATE_HZ};
-    status = palp_answer_init(&answer, &config, memory, sizeof memory, &bound_ns);
+    const palp_status status = palp_answer_init(&answer, &config, memory, sizeof memory, &bound_ns);
     if (status != PALP_OK) {
         fprintf(stderr, "answer: %s (%zu bytes wanted; %g us of %g)\n", palp_status_text(status),
                 palp_answer_memsize(&blob, TOOLS, PALP_CONTACT_FINEST), (double)bound_ns * 1e-3,
