@@ -178,7 +178,7 @@ cortexm: all ## a bare Cortex-M7 image with the sample rabbit in flash, run unde
 
 # ---- everything else ----
 
-PACKAGES := gcc clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
+PACKAGES := gcc g++ clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
             libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
             libopenblas0-pthread qemu-system-arm can-utils python3-can strace libclang-rt-14-dev pkg-config \
             cyclonedds-dev cyclonedds-tools calculix-ccx qemu-user python3-scipy gcc-arm-linux-gnueabihf \

@@ -36,7 +36,12 @@
 #ifndef PALP_H
 #define PALP_H
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #include "core/base/status.h"
+#include "core/base/version.h"
 #include "core/blob/blob.h"
 #include "core/device/busload.h"
 #include "core/device/cia402.h"
@@ -52,5 +57,9 @@
 #include "core/servo/dynamic.h"
 #include "core/servo/servo.h"
 #include "core/zone/assembly.h"
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -14,14 +14,17 @@ typedef struct {
     ((palp_frame){{1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 0.0f}})
 
 static inline palp_vec3 palp_rotate(const float r[9], palp_vec3 v) {
-    return (palp_vec3){palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
-                       palp_dot(palp_vec3_at(r + 6), v)};
+    const palp_vec3 out = {palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
+                           palp_dot(palp_vec3_at(r + 6), v)};
+    return out;
 }
 
 /* r^T v */
 static inline palp_vec3 palp_rotate_back(const float r[9], palp_vec3 v) {
-    return (palp_vec3){r[0] * v.x + r[3] * v.y + r[6] * v.z, r[1] * v.x + r[4] * v.y + r[7] * v.z,
-                       r[2] * v.x + r[5] * v.y + r[8] * v.z};
+    const palp_vec3 out = {r[0] * v.x + r[3] * v.y + r[6] * v.z,
+                           r[1] * v.x + r[4] * v.y + r[7] * v.z,
+                           r[2] * v.x + r[5] * v.y + r[8] * v.z};
+    return out;
 }
 
 static inline palp_vec3 palp_carry(const palp_frame *f, palp_vec3 x) {

@@ -42,7 +42,7 @@ static inline bool palp_is_finite(float x) {
     union {
         float f;
         uint32_t u;
-    } bits = {.f = x};
+    } bits = {x};
     return (bits.u & 0x7f800000u) != 0x7f800000u;
 }
 
@@ -50,26 +50,33 @@ static inline bool palp_same_bits(float a, float b) {
     union {
         float f;
         uint32_t u;
-    } x = {.f = a}, y = {.f = b};
+    } x = {a}, y = {b};
     return x.u == y.u;
 }
 
-static inline palp_vec3 palp_vec3_at(const float *p) { return (palp_vec3){p[0], p[1], p[2]}; }
+static inline palp_vec3 palp_vec3_at(const float *p) {
+    const palp_vec3 out = {p[0], p[1], p[2]};
+    return out;
+}
 static inline palp_vec3 palp_add(palp_vec3 a, palp_vec3 b) {
-    return (palp_vec3){a.x + b.x, a.y + b.y, a.z + b.z};
+    const palp_vec3 out = {a.x + b.x, a.y + b.y, a.z + b.z};
+    return out;
 }
 static inline palp_vec3 palp_sub(palp_vec3 a, palp_vec3 b) {
-    return (palp_vec3){a.x - b.x, a.y - b.y, a.z - b.z};
+    const palp_vec3 out = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return out;
 }
 static inline palp_vec3 palp_scale(float s, palp_vec3 a) {
-    return (palp_vec3){s * a.x, s * a.y, s * a.z};
+    const palp_vec3 out = {s * a.x, s * a.y, s * a.z};
+    return out;
 }
 static inline palp_vec3 palp_madd(palp_vec3 a, float s, palp_vec3 b) {
     return palp_add(a, palp_scale(s, b));
 }
 static inline float palp_dot(palp_vec3 a, palp_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline palp_vec3 palp_cross(palp_vec3 a, palp_vec3 b) {
-    return (palp_vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    const palp_vec3 out = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return out;
 }
 static inline float palp_norm(palp_vec3 a) { return palp_sqrt(palp_dot(a, a)); }
 static inline bool palp_vec3_is_finite(palp_vec3 a) {

@@ -3,6 +3,12 @@
 #ifndef PALP_BASE_STATUS_H
 #define PALP_BASE_STATUS_H
 
+#ifdef __cplusplus
+#define PALP_STATIC_ASSERT static_assert
+#else
+#define PALP_STATIC_ASSERT _Static_assert
+#endif
+
 typedef enum {
     PALP_OK = 0,
     PALP_ERR_MEMORY,     /* the block handed over is smaller than memsize() said */

@@ -9,6 +9,7 @@
 #ifndef PALP_BLOB_FORMAT_H
 #define PALP_BLOB_FORMAT_H
 
+#include "core/base/status.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -186,10 +187,10 @@ typedef struct {
     uint32_t reserved[4];
 } palp_seam_entry;
 
-_Static_assert(sizeof(palp_zones_meta) == 64, "zones meta layout");
-_Static_assert(sizeof(palp_zone_entry) == 96, "zone entry layout");
-_Static_assert(sizeof(palp_joint_entry) == 80, "joint entry layout");
-_Static_assert(sizeof(palp_seam_entry) == 128, "seam entry layout");
+PALP_STATIC_ASSERT(sizeof(palp_zones_meta) == 64, "zones meta layout");
+PALP_STATIC_ASSERT(sizeof(palp_zone_entry) == 96, "zone entry layout");
+PALP_STATIC_ASSERT(sizeof(palp_joint_entry) == 80, "joint entry layout");
+PALP_STATIC_ASSERT(sizeof(palp_seam_entry) == 128, "seam entry layout");
 
 #define PALP_LEVEL_ERRORS 5u /* levels of contact */
 #define PALP_LEVEL_STRIDE 8u
@@ -231,11 +232,11 @@ typedef struct {
     uint8_t reserved[4];
 } palp_meta;
 
-_Static_assert(sizeof(palp_blob_header) == 64, "header layout");
-_Static_assert(sizeof(palp_blob_entry) == 32, "table entry layout");
+PALP_STATIC_ASSERT(sizeof(palp_blob_header) == 64, "header layout");
+PALP_STATIC_ASSERT(sizeof(palp_blob_entry) == 32, "table entry layout");
 
-_Static_assert(sizeof(palp_meta) == 192, "meta layout");
-_Static_assert(sizeof(float) == 4, "IEEE single");
+PALP_STATIC_ASSERT(sizeof(palp_meta) == 192, "meta layout");
+PALP_STATIC_ASSERT(sizeof(float) == 4, "IEEE single");
 
 /* ---- dynamic bodies (AD) ---- */
 
@@ -271,6 +272,6 @@ typedef struct {
     uint32_t unused[2];
 } palp_tet;
 
-_Static_assert(sizeof(palp_tet_node) == 36 && sizeof(palp_tet) == 64, "no padding");
+PALP_STATIC_ASSERT(sizeof(palp_tet_node) == 36 && sizeof(palp_tet) == 64, "no padding");
 
 #endif

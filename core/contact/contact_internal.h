@@ -65,8 +65,9 @@ void palp_contact_place(palp_contact *contact);
 /* Three columns of a side as a vector. */
 static inline palp_vec3 palp_contact_column(const palp_contact *contact, uint32_t first,
                                             uint32_t side) {
-    return (palp_vec3){contact->column[first][side], contact->column[first + 1u][side],
-                       contact->column[first + 2u][side]};
+    const palp_vec3 out = {contact->column[first][side], contact->column[first + 1u][side],
+                           contact->column[first + 2u][side]};
+    return out;
 }
 
 /* A side's point of the surface, and the body that it lies on. */

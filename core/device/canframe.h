@@ -58,14 +58,14 @@ static inline float palp_get_f32(const uint8_t *p) {
     union {
         uint32_t u;
         float f;
-    } bits = {.u = palp_get_u32(p)};
+    } bits = {palp_get_u32(p)};
     return bits.f;
 }
 static inline void palp_put_f32(uint8_t *p, float v) {
     union {
         float f;
         uint32_t u;
-    } bits = {.f = v};
+    } bits = {v};
     palp_put_u32(p, bits.u);
 }
 

@@ -101,7 +101,7 @@ void palp_dyna_reset(palp_dyna *dyna);
 
 /* Largest eigenvalue of a s + b tr(s) I, from above (no eigenvalue exceeds a row sum or the trace);
  * s symmetric: xx, yy, zz, yz, zx, xy. */
-float palp_dyna_bound(const float s[static 6], float a, float b);
+float palp_dyna_bound(const float s[6], float a, float b);
 
 /* Steps of a tick when none may be finer than `most_class`: 2^min(top_class, most_class). */
 uint32_t palp_dyna_steps(const palp_dyna *dyna, uint32_t most_class);

@@ -18,8 +18,9 @@ static inline palp_material palp_material_of(float young_Pa, float poisson, floa
                                              float damping_s, float drag_per_s) {
     float lambda = young_Pa * poisson / ((1.0f + poisson) * (1.0f - 2.0f * poisson));
     float mu = young_Pa / (2.0f * (1.0f + poisson));
-    return (palp_material){lambda,        mu,        damping_s * lambda, damping_s * mu,
-                           density_kg_m3, drag_per_s};
+    const palp_material out = {lambda,        mu,        damping_s * lambda, damping_s * mu,
+                               density_kg_m3, drag_per_s};
+    return out;
 }
 
 #endif

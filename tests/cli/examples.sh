@@ -15,4 +15,27 @@ done
 awk -F, 'NR > 1 {if ($2 < f) bad = 1; f = $2} END {exit bad || f < 0.03}' sphere.txt; ok $? "the sphere is pushed harder the deeper it is"
 awk '/^tick/ {if ($3 > 0.05 && $6 > 0.05) both = 1} END {exit !both}' two_tools.txt; ok $? "both tools feel the body"
 ./sphere none.palp >out.txt 2>err.txt; [ $? -eq 1 ] && grep -q none.palp err.txt; ok $? "no blob: $(cat err.txt)"
+cat >user.cpp <<'EOF'
+#include "core/palp.h"
+#include <cstdio>
+#include <cstdlib>
+int main(int, char **argv) {
+    std::FILE *f = std::fopen(argv[1], "rb");
+    std::size_t room = 64u << 20;
+    void *data = std::aligned_alloc(PALP_ALIGN, room);
+    palp_blob blob;
+    if (palp_blob_open(&blob, data, std::fread(data, 1, room, f)) != PALP_OK) return 1;
+    const palp_tool sphere = palp_tool_sphere(3 * blob.meta->mean_edge_m);
+    const std::size_t bytes = palp_contact_memsize(&blob, 1, PALP_CONTACT_FINEST);
+    static palp_contact contact;
+    if (palp_contact_init(&contact, &blob, &sphere, 1, PALP_CONTACT_FINEST, std::aligned_alloc(PALP_ALIGN, (bytes + 63) / 64 * 64), bytes) != PALP_OK) return 1;
+    std::printf("%u nodes, %zu bytes, palp %s\n", blob.meta->nodes, bytes, PALP_VERSION);
+}
+EOF
+if command -v g++ >/dev/null; then
+    g++ -std=c++17 -Wall -Wextra -Wpedantic -Werror user.cpp $flags -o user 2>errors; ok $? "a C++ program builds without a warning $(head -3 errors)"
+    ./user body.palp >user.txt; ok $? "and runs: $(cat user.txt)"
+else
+    count=$((count + 1)); echo "ok $count - C++ # SKIP g++ is not installed (make deps)"
+fi
 done_testing
