@@ -7,7 +7,8 @@
  *   - forces and torques are finite and within limits, in every tick
  *   - every counter that moves is explained by what went wrong in that minute
  *   - the hand is given at most 1 mJ in a touch, or the device damps; but where bits of frames are
- *     wrong: the drives of ODrive have no checksum of their own, and turn as a wrong frame says
+ *     wrong (ODrive's frames have no checksum, its drives turn as a wrong one says), and while
+ *     encoders are stuck that have not yet been found out
  *   - the force at rest has no line above 0.01 N from 20 to 500 Hz
  *   - a reset brings it back to RUN, every time
  */
@@ -48,9 +49,9 @@ typedef struct {
     const char *list, *explains;
 } trouble;
 static const trouble troubles[] = {
-    {"loss@%.3f+0.005", "late"},
-    {"loss@%.3f+2=0.05", "late"},
-    {"loss@%.3f+0.05", "late"},
+    {"loss@%.3f+0.005", "late repeated"},
+    {"loss@%.3f+2=0.05", "late repeated"},
+    {"loss@%.3f+0.05", "late repeated"},
     {"delay@%.3f+0.05=0.0009", "late repeated"},
     {"delay@%.3f+0.2=0.02", "late repeated braked"},
     {"duplicate@%.3f+0.5", "repeated"},
@@ -60,7 +61,7 @@ static const trouble troubles[] = {
     {"stuck@%.3f+1", "frozen late repeated implausible braked limited held"},
     {"jump@%.3f+0.1", "implausible late"},
     {"glitch@%.3f+0.5", "implausible late"},
-    {"nan@%.3f+0.1", "implausible late"},
+    {"nan@%.3f+0.1", "implausible late repeated"},
     {"drive@%.3f+0.3", "late"},
     {"busoff@%.3f+0.05", "bus_faults late"},
     {"enobufs@%.3f+0.005", "bus_faults late"},
@@ -128,7 +129,7 @@ static void make_keys(hand_key keys[KEYS], uint64_t *dice, double begin, double 
 
 typedef struct {
     uint64_t minutes, troubled, unexplained, unsound, resets, stuck, damped, buzzing, touches;
-    double given_J, most_J, corrupt_J, buzz_N;
+    double given_J, most_J, blind_J, buzz_N;
     char first[512]; /* of what was wrong */
 } day;
 
@@ -213,11 +214,11 @@ static void live_a_minute(rig *r, const palp_blob *blob, day *d, uint64_t minute
     }
     if (!sound) d->unsound++, note(d, "out of limits", minute, &p, 0);
     if (r->report.state != PALP_STATE_RUN) d->stuck++, note(d, "not in RUN again", minute, &p, 0);
-    const bool corrupt = strstr(p.list, "corrupt") != NULL;
-    if (corrupt) d->corrupt_J = fmax(d->corrupt_J, b.most_J);
-    if (!corrupt) d->most_J = fmax(d->most_J, b.most_J);
-    if (!damped && !corrupt) d->given_J = fmax(d->given_J, b.most_J);
-    if (!corrupt && b.most_J > 1.1 * GIVEN_J) note(d, "energy given, J", minute, &p, b.most_J);
+    const bool blind = strstr(p.list, "corrupt") != NULL || strstr(p.list, "stuck") != NULL;
+    if (blind) d->blind_J = fmax(d->blind_J, b.most_J);
+    if (!blind) d->most_J = fmax(d->most_J, b.most_J);
+    if (!damped && !blind) d->given_J = fmax(d->given_J, b.most_J);
+    if (!blind && b.most_J > 1.1 * GIVEN_J) note(d, "energy given, J", minute, &p, b.most_J);
     const double line = damped ? 0 : spectrum_largest(force_N, LISTENED, RATE_HZ, 20, 500);
     d->buzz_N = fmax(d->buzz_N, line);
     if (line > BUZZ_N) d->buzzing++, note(d, "a line of the force at rest, N", minute, &p, line);
@@ -258,10 +259,11 @@ int main(int argc, char **argv) {
           (unsigned long long)d.unexplained);
     CHECK(d.buzzing == 0, "force at rest: largest line %.4f N from 20 to 500 Hz", d.buzz_N);
     CHECK(d.given_J <= GIVEN_J, "energy given in a touch: at most %.3g mJ", 1e3 * d.given_J);
-    CHECK(d.most_J <= 1.1 * GIVEN_J,
-          "and where the device damped (%llu minutes): %.3g mJ; with frames corrupted on the wire "
-          "%.3g mJ",
-          (unsigned long long)d.damped, 1e3 * d.most_J, 1e3 * d.corrupt_J);
+    CHECK(
+        d.most_J <= 1.1 * GIVEN_J,
+        "and where the device damped (%llu minutes): %.3g mJ; with frames corrupted on the wire or "
+        "encoders stuck, which nobody can see at once, %.3g mJ",
+        (unsigned long long)d.damped, 1e3 * d.most_J, 1e3 * d.blind_J);
     CHECK(d.stuck == 0, "in RUN again after every fault (%llu resets)",
           (unsigned long long)d.resets);
     rig_stop(&r);
