@@ -101,7 +101,7 @@ int main(int argc, char **argv) {
         largest_N = palp_max(largest_N, palp_norm(report.force_N));
     }
     static const char *const states[] = {PALP_STATE_NAMES};
-    printf("%s after %u ticks, largest force %.3f N, faults %#x\n", states[report.state], TICKS,
+    printf("%s after %d ticks, largest force %.3f N, faults %#x\n", states[report.state], TICKS,
            (double)largest_N, (unsigned)report.faults);
     return report.state == PALP_STATE_RUN && largest_N > 0.05f ? 0 : 1;
 }
