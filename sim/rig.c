@@ -82,6 +82,15 @@ void rig_run(rig *r, double seconds) {
     while (r->bus.time_s < end) rig_tick(r);
 }
 
+bool rig_is_sound(const rig *r) {
+    const palp_device *d = &r->file.device;
+    bool good = palp_vec3_is_finite(r->report.force_N) &&
+                palp_norm(r->report.force_N) <= d->force_max_N * 1.0001f;
+    for (int k = 0; k < 3; k++)
+        good = good && fabsf(r->report.motor_torque_Nm[k]) <= d->drives.torque_max_Nm * 1.0001f;
+    return good;
+}
+
 void rig_stop(rig *r) {
     free(r->bus.script.key);
     free(r->memory);

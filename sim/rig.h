@@ -35,6 +35,8 @@ void rig_lead(rig *r, const hand_key *keys, uint32_t count, double N_per_m, doub
 void rig_tick(rig *r);
 /* Ticks for `seconds` of virtual time. */
 void rig_run(rig *r, double seconds);
+/* Whether the force and torques of the last tick are finite and within the device's limits. */
+bool rig_is_sound(const rig *r);
 void rig_stop(rig *r);
 
 #endif

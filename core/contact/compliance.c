@@ -256,7 +256,8 @@ typedef struct {
 /* The force at one of the pressed sides, in the frame of its body. */
 static palp_vec3 pressed_by(const palp_contact *c, uint32_t side, const pressing *p) {
     const palp_contact_point *at = &c->point[c->side_point[side]];
-    if (c->patch[at->patch].tool != p->tool) return (palp_vec3){0};
+    const bool of_tool = c->patch[at->patch].tool == p->tool;
+    if (!of_tool || !(at->force_N > 0.0f)) return (palp_vec3){0}; /* it is in no region */
     return palp_scale(at->force_N / p->over_N,
                       palp_contact_inward(c, palp_contact_body(c, side), p->along[at->region]));
 }

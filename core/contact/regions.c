@@ -19,7 +19,7 @@ static uint32_t unclaimed_at(const palp_contact *c, uint32_t tool, int32_t i, in
     return unclaimed ? at : PALP_LATTICE_MISS;
 }
 
-/* Marks all that hangs together with a point. */
+/* Marks all points that are connected with one. */
 static void claim(palp_contact *c, uint32_t tool, uint32_t from, uint32_t number) {
     static const int32_t step[6][2] = {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
     uint16_t list[PALP_CONTACT_MAX_POINTS];
@@ -57,7 +57,7 @@ static uint32_t nearest_point(const palp_contact *c, uint32_t tool, palp_vec3 fr
     return nearest;
 }
 
-/* Numbers what hangs together; returns how many there are. */
+/* Numbers the connected pieces; returns how many there are. */
 static uint32_t find_pieces(palp_contact *c, uint32_t tool) {
     uint32_t count = 0;
     for (uint32_t a = 0; a < c->active_count; a++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The regions that a tool touches a surface in: its contact points that hang together, place by
- * place of the lattice. A ball in a groove lies on two.
+ * The regions in which a tool touches a surface: its contact points that are connected as
+ * neighbours in the lattice. A ball in a groove lies on two.
  *
  * Regions are followed from tick to tick. Those that have grown together stay two, each with the
  * points that are nearest to where it was, until they face the same way: what each holds lies in a

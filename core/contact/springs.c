@@ -162,7 +162,7 @@ void palp_springs_gather(palp_springs *springs, float mu, palp_vec3 turn_rad,
                          palp_spring_set *set) {
     palp_springs *s = springs;
     const palp_symmetric2 a = s->near_m_per_N;
-    const float mean = 0.5f * (a.xx + a.yy), over = mean / (a.xx * a.yy - a.xy * a.xy);
+    const float mean = mean_compliance(s), over = mean / (a.xx * a.yy - a.xy * a.xy);
     *set = (palp_spring_set){.of = s,
                              .m = {over * a.yy, -over * a.xy, over * a.xx},
                              .stiffness_N_per_m = 1.0f / (s->root * mean),
@@ -273,14 +273,14 @@ void palp_springs_slip(palp_spring_set *set, palp_vec3 by_m, palp_springs_pull *
     }
     const palp_vec3 along =
         palp_madd(palp_scale(force[0], s->at.tangent[0]), force[1], s->at.tangent[1]);
-    s->slipping = !(sticking > 0.0f);
-    s->slid_m = s->slipping ? s->slid_m + palp_sqrt(more[0] * more[0] + more[1] * more[1]) : 0.0f;
+    const bool slipping = !(sticking > 0.0f);
+    s->slid_m = slipping ? s->slid_m + palp_sqrt(more[0] * more[0] + more[1] * more[1]) : 0.0f;
     pull->force_N = palp_add(pull->force_N, along);
     pull->moment_Nm =
         palp_add(pull->moment_Nm, palp_madd(palp_cross(s->at.centre_m, along), moment, s->at.axis));
     pull->sticking_N_per_m += sticking;
     pull->energy_J += 0.5f * twice_J;
-    pull->slipping = pull->slipping && s->slipping;
+    pull->slipping = pull->slipping && slipping;
 }
 
 void palp_springs_move(palp_springs *springs, palp_vec3 more_m) {

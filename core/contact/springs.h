@@ -51,7 +51,7 @@ typedef struct {
     palp_vec3 stretch_m[PALP_SPRINGS]; /* e_j; from shallow to deep, those within `kept` first */
     float twist_rad[PALP_SPRINGS];     /* t_j */
     float slid_m;                      /* since all springs slip */
-    bool rounded, slipping;
+    bool rounded;
 } palp_springs;
 
 /* One spring in a solution: in the plane of its region, about its normal. */

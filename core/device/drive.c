@@ -20,16 +20,16 @@ void palp_drive_init(palp_drive *drive, uint8_t node) {
     *drive = (palp_drive){.node = node, .velocity_rev_s = not_a_number, .sent = sent};
 }
 
-static palp_news heard(palp_drive *d, palp_news news) {
+static palp_rx_event heard(palp_drive *d, palp_rx_event event) {
     d->heard = true;
     d->status_age = 0;
-    return news;
+    return event;
 }
 
-static palp_news estimate(palp_drive *d, float position_rev, float velocity_rev_s) {
+static palp_rx_event estimate(palp_drive *d, float position_rev, float velocity_rev_s) {
     d->position_rev = position_rev;
     d->velocity_rev_s = velocity_rev_s;
-    return PALP_NEWS_ESTIMATE;
+    return PALP_RX_ESTIMATE;
 }
 
 static uint8_t kind_of(const palp_drive_config *c) { return c->fd ? PALP_CAN_FD : 0; }
@@ -40,20 +40,20 @@ static uint32_t repeat_ticks(const palp_drive_config *c) {
 
 /* ---- ODrive ---- */
 
-static palp_news odrive_receive(palp_drive *d, const palp_can_frame *frame) {
+static palp_rx_event odrive_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_odrive_message m;
-    if (frame->id >> 5 != d->node) return PALP_NEWS_NONE;
-    if (palp_odrive_is_telemetry(frame)) return PALP_NEWS_STATUS;
-    if (!palp_odrive_decode(frame, &m)) return PALP_NEWS_BAD;
+    if (frame->id >> 5 != d->node) return PALP_RX_NONE;
+    if (palp_odrive_is_telemetry(frame)) return PALP_RX_STATUS;
+    if (!palp_odrive_decode(frame, &m)) return PALP_RX_BAD;
     if (m.command == PALP_ODRIVE_ENCODER_ESTIMATES)
         return estimate(d, m.position_rev, m.velocity_rev_s);
     if (m.command != PALP_ODRIVE_HEARTBEAT && m.command != PALP_ODRIVE_GET_ERROR)
-        return PALP_NEWS_BAD;
+        return PALP_RX_BAD;
     d->error = m.error;
-    if (m.command == PALP_ODRIVE_GET_ERROR) return PALP_NEWS_STATUS; /* but no heartbeat */
+    if (m.command == PALP_ODRIVE_GET_ERROR) return PALP_RX_STATUS; /* but no heartbeat */
     d->enabled = m.state == PALP_ODRIVE_CLOSED_LOOP;
     d->configured = true;
-    return heard(d, PALP_NEWS_STATUS);
+    return heard(d, PALP_RX_STATUS);
 }
 
 static palp_can_frame odrive_frame(const palp_drive *d, palp_odrive_message m) {
@@ -100,12 +100,11 @@ static palp_cia402_step cia402_step(const palp_drive *d, const palp_drive_config
 }
 
 /* An SDO answer: the step that waits for it is done, or the drive is not the one described. */
-static palp_news cia402_answer(palp_drive *d, const palp_drive_config *c, palp_sdo sdo) {
-    if (d->step >= PALP_CIA402_STEPS) return heard(d, PALP_NEWS_STATUS);
+static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, palp_sdo sdo) {
+    if (d->step >= PALP_CIA402_STEPS) return heard(d, PALP_RX_STATUS);
     palp_cia402_step step = cia402_step(d, c);
     bool probing = d->demand == PALP_DEMAND_PROBE;
-    if (probing || sdo.index != step.index || sdo.sub != step.sub)
-        return heard(d, PALP_NEWS_STATUS);
+    if (probing || sdo.index != step.index || sdo.sub != step.sub) return heard(d, PALP_RX_STATUS);
     bool read = step.size == 0u, aborted = sdo.command == PALP_SDO_ABORT;
     bool answered = read ? (sdo.command & 0xe2u) == 0x42u : sdo.command == PALP_SDO_WRITTEN;
     bool right = !read || (sdo.value & step.mask) == step.value;
@@ -114,31 +113,31 @@ static palp_news cia402_answer(palp_drive *d, const palp_drive_config *c, palp_s
         d->waited = d->tries = 0;
     } else if (aborted) {
         d->error = sdo.value;
-        d->unfit = true;
+        d->misconfigured = true;
     } else {
         d->mismatch = true; /* some show a new mode only later: it is read again */
     }
-    return heard(d, PALP_NEWS_STATUS);
+    return heard(d, PALP_RX_STATUS);
 }
 
-static palp_news cia402_receive(palp_drive *d, const palp_drive_config *c,
-                                const palp_can_frame *f) {
+static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
+                                    const palp_can_frame *f) {
     palp_sdo sdo;
     if (f->id == PALP_COB_SDO_ANSWER + d->node)
-        return palp_sdo_decode(f, f->id, &sdo) ? cia402_answer(d, c, sdo) : PALP_NEWS_BAD;
+        return palp_sdo_decode(f, f->id, &sdo) ? cia402_answer(d, c, sdo) : PALP_RX_BAD;
     if (f->id == PALP_COB_HEARTBEAT + d->node) {
-        if (!palp_can_is(f, f->id, 0, 1)) return PALP_NEWS_BAD;
+        if (!palp_can_is(f, f->id, 0, 1)) return PALP_RX_BAD;
         /* A drive that has restarted has forgotten its configuration. */
         if (f->data[0] != PALP_NMT_STATE_OPERATIONAL) d->configured = d->enabled = false;
-        return heard(d, PALP_NEWS_STATUS);
+        return heard(d, PALP_RX_STATUS);
     }
     if (f->id == PALP_COB_EMCY + d->node) {
-        if (!palp_can_is(f, f->id, 0, 8)) return PALP_NEWS_BAD;
+        if (!palp_can_is(f, f->id, 0, 8)) return PALP_RX_BAD;
         d->error = palp_get_u16(f->data);
-        return heard(d, PALP_NEWS_STATUS);
+        return heard(d, PALP_RX_STATUS);
     }
-    if (f->id != PALP_COB_TPDO1 + d->node) return PALP_NEWS_NONE;
-    if (!palp_can_is(f, f->id, 0, 8)) return PALP_NEWS_BAD;
+    if (f->id != PALP_COB_TPDO1 + d->node) return PALP_RX_NONE;
+    if (!palp_can_is(f, f->id, 0, 8)) return PALP_RX_BAD;
     d->statusword = palp_get_u16(f->data);
     palp_cia402_state state = palp_cia402_state_of(d->statusword);
     d->enabled = state == PALP_CIA402_ENABLED;
@@ -160,10 +159,10 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
         out[n++] = palp_rpdo_encode(d->node, 0, 0); /* before the first SYNC that counts */
         return n;
     }
-    if (d->unfit || d->waited++ % repeat_ticks(c) != 0u) return 0;
+    if (d->misconfigured || d->waited++ % repeat_ticks(c) != 0u) return 0;
     if (d->tries++ >= SDO_TRIES) {
         d->error = d->mismatch ? PALP_DRIVE_ERROR_UNFIT : PALP_DRIVE_ERROR_SILENT;
-        d->unfit = true;
+        d->misconfigured = true;
         return 0;
     }
     palp_cia402_step step = cia402_step(d, c);
@@ -207,16 +206,16 @@ static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_dema
 
 /* ---- moteus ---- */
 
-static palp_news moteus_receive(palp_drive *d, const palp_can_frame *frame) {
+static palp_rx_event moteus_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_moteus_answer a;
-    if (frame->id >> 8 != d->node) return PALP_NEWS_NONE;
-    if (!palp_moteus_decode_answer(frame, d->node, &a)) return PALP_NEWS_BAD;
+    if (frame->id >> 8 != d->node) return PALP_RX_NONE;
+    if (!palp_moteus_decode_answer(frame, d->node, &a)) return PALP_RX_BAD;
     d->enabled = a.mode == PALP_MOTEUS_POSITION;
     d->error = a.mode == PALP_MOTEUS_FAULT     ? 0x100u | ((uint32_t)a.fault & 0xffu)
                : a.mode == PALP_MOTEUS_TIMEOUT ? PALP_MOTEUS_TIMEOUT
                                                : PALP_DRIVE_NO_ERROR;
     d->configured = true;
-    (void)heard(d, PALP_NEWS_STATUS);
+    (void)heard(d, PALP_RX_STATUS);
     return estimate(d, a.position_rev, a.velocity_rev_s);
 }
 
@@ -235,18 +234,19 @@ static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c, pal
 
 /* ---- MIT ---- */
 
-static palp_news mit_receive(palp_drive *d, const palp_drive_config *c, const palp_can_frame *f) {
+static palp_rx_event mit_receive(palp_drive *d, const palp_drive_config *c,
+                                 const palp_can_frame *f) {
     palp_mit_answer a;
-    if (f->id != c->master_id) return PALP_NEWS_NONE;
-    if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_NEWS_BAD;
-    if (a.node != d->node) return PALP_NEWS_NONE;
+    if (f->id != c->master_id) return PALP_RX_NONE;
+    if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_RX_BAD;
+    if (a.node != d->node) return PALP_RX_NONE;
     /* Short answers do not say whether the motor is on: it is when it answers after "enter". */
     bool on = d->demand == PALP_DEMAND_TORQUE ||
               (d->demand == PALP_DEMAND_ENABLE && d->since_demand > 2u);
     d->enabled = a.has_error ? a.error == 1u : on;
     d->error = a.error > 1u ? a.error : PALP_DRIVE_NO_ERROR;
     d->configured = true;
-    (void)heard(d, PALP_NEWS_STATUS);
+    (void)heard(d, PALP_RX_STATUS);
     return estimate(d, a.position_rad / RAD_PER_REV, a.velocity_rad_s / RAD_PER_REV);
 }
 
@@ -262,23 +262,23 @@ static uint32_t mit_send(const palp_drive *d, const palp_drive_config *c, palp_d
 
 /* ---- Palp's own profile ---- */
 
-static palp_news profile_receive(palp_drive *d, const palp_drive_config *c,
-                                 const palp_can_frame *f) {
+static palp_rx_event profile_receive(palp_drive *d, const palp_drive_config *c,
+                                     const palp_can_frame *f) {
     palp_profile_status s;
     palp_e2e_verdict verdict;
-    if (f->id != PALP_PROFILE_STATUS + d->node) return PALP_NEWS_NONE;
+    if (f->id != PALP_PROFILE_STATUS + d->node) return PALP_RX_NONE;
     if (!palp_profile_decode_status(&d->received, f, d->node, c->fd, &s, &verdict))
-        return PALP_NEWS_BAD;
-    if (verdict == PALP_E2E_REPEATED) return PALP_NEWS_REPEATED;
-    if (verdict != PALP_E2E_OK && verdict != PALP_E2E_SOME_LOST) return PALP_NEWS_BAD;
+        return PALP_RX_BAD;
+    if (verdict == PALP_E2E_REPEATED) return PALP_RX_REPEATED;
+    if (verdict != PALP_E2E_OK && verdict != PALP_E2E_SOME_LOST) return PALP_RX_BAD;
     d->enabled = s.state == PALP_DRIVE_IS_ON;
     d->error = s.error != 0u                      ? s.error
                : s.state == PALP_DRIVE_IS_FAULTED ? (uint32_t)PALP_DRIVE_IS_FAULTED
                                                   : PALP_DRIVE_NO_ERROR;
     d->configured = true;
-    (void)heard(d, PALP_NEWS_STATUS);
+    (void)heard(d, PALP_RX_STATUS);
     (void)estimate(d, s.position_rev, s.velocity_rev_s);
-    return verdict == PALP_E2E_OK ? PALP_NEWS_ESTIMATE : PALP_NEWS_GAP;
+    return verdict == PALP_E2E_OK ? PALP_RX_ESTIMATE : PALP_RX_GAP;
 }
 
 static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
@@ -295,8 +295,8 @@ static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_dem
 
 /* ---- all of them ---- */
 
-palp_news palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
-                             const palp_can_frame *frame) {
+palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
+                                 const palp_can_frame *frame) {
     switch (config->protocol) {
     case PALP_PROTOCOL_ODRIVE:
         return odrive_receive(drive, frame);
@@ -309,7 +309,7 @@ palp_news palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
     case PALP_PROTOCOL_PALP:
         return profile_receive(drive, config, frame);
     }
-    return PALP_NEWS_NONE;
+    return PALP_RX_NONE;
 }
 
 static uint32_t send_by_protocol(palp_drive *drive, const palp_drive_config *config,

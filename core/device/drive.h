@@ -54,20 +54,20 @@ typedef enum {
 
 /* What a frame was to a drive. */
 typedef enum {
-    PALP_NEWS_NONE,     /* not from this drive */
-    PALP_NEWS_STATUS,   /* something else than an estimate */
-    PALP_NEWS_ESTIMATE, /* a new position */
-    PALP_NEWS_REPEATED, /* protected profile: an old frame again */
-    PALP_NEWS_GAP,      /* protected profile: an estimate, but frames before it were lost */
-    PALP_NEWS_BAD       /* from this drive, but malformed, corrupt or out of sequence */
-} palp_news;
+    PALP_RX_NONE,     /* not from this drive */
+    PALP_RX_STATUS,   /* something else than an estimate */
+    PALP_RX_ESTIMATE, /* a new position */
+    PALP_RX_REPEATED, /* protected profile: an old frame again */
+    PALP_RX_GAP,      /* protected profile: an estimate, but frames before it were lost */
+    PALP_RX_BAD       /* from this drive, but malformed, corrupt or out of sequence */
+} palp_rx_event;
 
 typedef struct {
     uint8_t node;
     bool heard;          /* has said anything since the last probe */
     bool configured;     /* is set up and confirmed */
     bool enabled;        /* acts on torque */
-    bool unfit;          /* did not take its configuration, or is not the drive described */
+    bool misconfigured;  /* did not take its configuration, or is not the drive described */
     bool mismatch;       /* something read back was not what it must be */
     uint32_t error;      /* the drive's own code; 0 when well */
     uint32_t status_age; /* ticks since the last sign of life */
@@ -90,8 +90,8 @@ void palp_drive_init(palp_drive *drive, uint8_t node);
 
 /* One received frame. Constant time but for moteus (the frame's bytes) and the protected profile
  * (8 per byte). */
-palp_news palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
-                             const palp_can_frame *frame);
+palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
+                                 const palp_can_frame *frame);
 
 /* Called once per tick after receiving: what to send, at most PALP_DRIVE_FRAMES to `out`; returns
  * how many. torque_Nm is used with the demand TORQUE only and is limited to torque_max_Nm. */

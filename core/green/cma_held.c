@@ -20,17 +20,20 @@ static motion row_of(palp_vec3 direction, palp_vec3 from_middle) {
     return (motion){{direction.x, direction.y, direction.z, turn.x, turn.y, turn.z}};
 }
 
+/* Whether all of node i's displacement is prescribed. */
+static bool is_whole(const palp_cma *c, uint32_t i) {
+    if (c->state[i] == 0u) return palp_node_is_fixed(c->blob, i);
+    return c->state[i] == 1u + (uint32_t)PALP_GIVE_DISPLACEMENT;
+}
+
 /* Directions along which node i is prescribed: all, its normal, or none. */
 static uint32_t prescribed(const palp_cma *c, uint32_t i, palp_vec3 direction[3]) {
-    const uint32_t state = c->state[i];
-    const bool whole = state == 0u ? palp_node_is_fixed(c->blob, i)
-                                   : state == 1u + (uint32_t)PALP_GIVE_DISPLACEMENT;
     direction[0] = (palp_vec3){1.0f, 0.0f, 0.0f};
     direction[1] = (palp_vec3){0.0f, 1.0f, 0.0f};
     direction[2] = (palp_vec3){0.0f, 0.0f, 1.0f};
-    if (whole) return palp_blob_has(c->blob, PALP_META_SCALAR) ? 1u : 3u;
+    if (is_whole(c, i)) return palp_blob_has(c->blob, PALP_META_SCALAR) ? 1u : 3u;
     direction[0] = palp_vec3_at(c->blob->normal + 3u * i);
-    return state == 1u + (uint32_t)PALP_GIVE_NORMAL ? 1u : 0u;
+    return c->state[i] == 1u + (uint32_t)PALP_GIVE_NORMAL ? 1u : 0u;
 }
 
 /* A row without its part along what is known; and how much that is. */
@@ -74,11 +77,8 @@ bool palp_cma_is_held(const palp_cma *cma) {
     const uint32_t motions = palp_blob_has(c->blob, PALP_META_SCALAR) ? 1u : 6u;
     bool released = false;
     motion known[6];
-    for (uint32_t i = 0; i < c->blob->meta->nodes; i++) {
-        const bool whole =
-            c->state[i] == 0u || c->state[i] == 1u + (uint32_t)PALP_GIVE_DISPLACEMENT;
-        released = released || (palp_node_is_fixed(c->blob, i) && !whole);
-    }
+    for (uint32_t i = 0; i < c->blob->meta->nodes; i++)
+        released = released || (palp_node_is_fixed(c->blob, i) && !is_whole(c, i));
     for (uint32_t k = 0; k < motions && released; k++) {
         float size2;
         known[k] = farthest(c, known, k, &size2);

@@ -94,17 +94,17 @@ static void take_estimate(palp_device_axes *axes, const palp_device *device, uin
 static void take_frame(palp_device_axes *axes, const palp_device *device,
                        const palp_can_frame *frame, bool strict, palp_counters *counters) {
     for (uint32_t i = 0; i < axes->count; i++) {
-        palp_news news = palp_drive_receive(&axes->drive[i], &device->drives, frame);
-        if (news == PALP_NEWS_NONE) continue;
-        if (news == PALP_NEWS_BAD) {
+        palp_rx_event event = palp_drive_receive(&axes->drive[i], &device->drives, frame);
+        if (event == PALP_RX_NONE) continue;
+        if (event == PALP_RX_BAD) {
             counters->corrupt++;
             counters->rejected++;
             return;
         }
         counters->accepted++;
-        if (news == PALP_NEWS_REPEATED) counters->repeated++;
-        if (news == PALP_NEWS_GAP) counters->gaps++;
-        if (news == PALP_NEWS_ESTIMATE || news == PALP_NEWS_GAP)
+        if (event == PALP_RX_REPEATED) counters->repeated++;
+        if (event == PALP_RX_GAP) counters->gaps++;
+        if (event == PALP_RX_ESTIMATE || event == PALP_RX_GAP)
             take_estimate(axes, device, i, strict, counters);
         return;
     }
@@ -136,7 +136,7 @@ palp_axes_health palp_axes_look(const palp_device_axes *axes) {
         uint32_t age = j->known ? j->age : UINT32_MAX;
         h.heard = h.heard && d->heard;
         h.configured = h.configured && d->configured;
-        h.unfit = h.unfit || d->unfit;
+        h.misconfigured = h.misconfigured || d->misconfigured;
         h.well = h.well && d->error == PALP_DRIVE_NO_ERROR;
         h.enabled = h.enabled && d->enabled;
         h.status_age = d->status_age > h.status_age ? d->status_age : h.status_age;

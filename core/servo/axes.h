@@ -28,7 +28,7 @@ typedef struct {
 
 /* What the safety state machine wants to know about all axes together. */
 typedef struct {
-    bool heard, configured, unfit, homed;
+    bool heard, configured, misconfigured, homed;
     bool well;           /* no drive reports an error */
     bool enabled;        /* all act on torque */
     uint32_t status_age; /* ticks, of the drive that was silent longest */

@@ -55,7 +55,7 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
     case PALP_STATE_CONFIG_CHECK:
         if (a->configured && steady)
             enter(s, a->homed ? PALP_STATE_READY : PALP_STATE_HOMING);
-        else if (a->unfit || impatient)
+        else if (a->misconfigured || impatient)
             s->faults |= PALP_FAULT_CONFIG;
         break;
     case PALP_STATE_HOMING:

@@ -64,6 +64,7 @@ typedef struct {
     bool seen[KEYS];
     int count[KEYS]; /* of values */
     int likes;
+    bool alone; /* it may not be like another */
 } reading;
 
 static bool set_scalar(reading *r, const argument *a) {
@@ -138,6 +139,8 @@ static void set_key(void *context, const argument *a) {
         for (size_t i = 0; i < KEYS; i++) {
             if (r->seen[i]) die(EXIT_USAGE, "%s: must be the first key", a->where);
         }
+        if (r->alone)
+            die(EXIT_WORK, "%s: a recorded device stands by itself, without 'like'", a->where);
         if (r->likes++ == MAX_LIKES)
             die(EXIT_USAGE, "%s: devices are like each other in a circle", a->where);
         char *text = raw_text(a->value[0]);
@@ -300,6 +303,7 @@ char *device_text(const char *name_or_path) {
     char *text = raw_text(name_or_path), other[128];
     for (char *line = text; line != NULL; line = strchr(line, '\n')) {
         line += *line == '\n' ? 1 : 0;
+        line += strspn(line, " \t\r\v\f");
         if (sscanf(line, "like %127s", other) != 1) continue;
         char *base = device_text(other);
         memset(line, ' ', strcspn(line, "\n")); /* what follows overrides it */
@@ -312,9 +316,9 @@ char *device_text(const char *name_or_path) {
     return text;
 }
 
-device_file device_read(const char *name, const char *text) {
-    reading r = {
-        .d.device.drives = {.watchdog_s = 0.05f, .torque_lag_s = 0.0002f, .rate_hz = 1000}};
+static device_file read_text(const char *name, const char *text, bool alone) {
+    reading r = {.d.device.drives = {.watchdog_s = 0.05f, .torque_lag_s = 0.0002f, .rate_hz = 1000},
+                 .alone = alone};
     args_parse_text(name, text, keys, set_key, &r);
     check(&r, name);
     doubt(&r.d.device, name);
@@ -322,9 +326,11 @@ device_file device_read(const char *name, const char *text) {
     return r.d;
 }
 
+device_file device_read(const char *name, const char *text) { return read_text(name, text, true); }
+
 device_file device_load(const char *name_or_path) {
     char *text = raw_text(name_or_path);
-    device_file d = device_read(name_or_path, text);
+    device_file d = read_text(name_or_path, text, false);
     free(text);
     return d;
 }

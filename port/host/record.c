@@ -236,17 +236,6 @@ static bool parse_header_line(session_record *s, const char *line) {
     return strcmp(line, "palp-log 3") == 0;
 }
 
-/* Whether a device's text has a line that begins with the key `like`, which opens other files. */
-static bool names_another(const char *text) {
-    while (text != NULL) {
-        text += strspn(text, " \t\r\v\f");
-        if (strncmp(text, "like", 4) == 0 && strchr(" \t\r\v\f=:\n", text[4]) != NULL) return true;
-        text = strchr(text, '\n');
-        if (text != NULL) text++;
-    }
-    return false;
-}
-
 static void parse_header(session_record *s, const char *path, char *text) {
     if (strncmp(text, "palp-log 1\n", 11) == 0 || strncmp(text, "palp-log 2\n", 11) == 0)
         die(EXIT_WORK, "%s: written by an older palpd, whose contact was another: record it again",
@@ -258,8 +247,6 @@ static void parse_header(session_record *s, const char *path, char *text) {
         if (next != NULL) *next++ = '\0';
         if (strcmp(line, "device") == 0) {
             float rate = s->config.device.drives.rate_hz;
-            if (names_another(next))
-                die(EXIT_WORK, "%s: a recorded device stands by itself, without 'like'", path);
             s->device = copy_string(next != NULL ? next : "");
             s->config.device = device_read(path, s->device).device;
             s->config.device.drives.rate_hz = rate;

@@ -125,19 +125,24 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
         snprintf(text, sizeof text, __VA_ARGS__);                                                  \
         put(f, name, text);                                                                        \
     } while (0)
+/* What only a run that has ended knows. */
+#define COUNTED(name, ...)                                                                         \
+    do {                                                                                           \
+        if (r->totalled)                                                                           \
+            LINE(name, __VA_ARGS__);                                                               \
+        else                                                                                       \
+            LINE(name, NOT_IN_LOG);                                                                \
+    } while (0)
     LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
          r->device_name);
     char faults[128];
     report_faults(last->faults, faults, sizeof faults);
     LINE("state", "%s, faults latched: %s", report_state(last->state),
          last->faults != 0 ? faults : "none");
-    if (!r->totalled)
-        LINE("overruns", NOT_IN_LOG);
-    else
-        LINE("overruns",
-             "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
-             " ticks shortened by the clock",
-             c->overruns, c->skipped, c->shortened);
+    COUNTED("overruns",
+            "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
+            " ticks shortened by the clock",
+            c->overruns, c->skipped, c->shortened);
     LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99,
          q.p999, q.max);
     if (r->late_us != NULL) {
@@ -157,7 +162,7 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
     if (r->from_log)
         LINE("contact",
              "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
-             " points in contact; how well they were settled is not in a log (palp replay)",
+             " points in contact; how well they were settled is not in a log",
              touching, most_active, most_points);
     else
         LINE("contact",
@@ -165,31 +170,22 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
              " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
              "force may have been off by %.3g N at most",
              touching, most_active, most_points, spent, full, (double)doubt_N);
-    if (!r->totalled)
-        LINE("frames", NOT_IN_LOG);
-    else
-        LINE("frames",
-             "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
-             " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
-             " dropped by the kernel",
-             c->accepted, c->rejected, c->repeated, c->late, c->implausible, total->frames_sent,
-             total->frames_lost, total->frames_dropped);
+    COUNTED("frames",
+            "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
+            " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
+            " dropped by the kernel",
+            c->accepted, c->rejected, c->repeated, c->late, c->implausible, total->frames_sent,
+            total->frames_lost, total->frames_dropped);
     LINE("bus", "%s", r->bus_load);
-    if (!r->totalled)
-        LINE("guards", NOT_IN_LOG);
-    else
-        LINE("guards",
-             "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
-             " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
-             " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
-             c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
-             c->bus_warnings, c->overflows, c->resets);
-    if (!r->totalled)
-        LINE("loop", NOT_IN_LOG);
-    else
-        LINE("loop",
-             "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
-             total->minor_faults, total->unrecorded);
+    COUNTED("guards",
+            "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
+            " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
+            " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
+            c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
+            c->bus_warnings, c->overflows, c->resets);
+    COUNTED("loop",
+            "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
+            total->minor_faults, total->unrecorded);
     if (!r->totalled)
         LINE("largest force", "%.3f N", (double)largest_force(r));
     else
@@ -199,6 +195,7 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
          "given to the hand: %.3g J (beyond what it had put in); absorbed from it %.4g J at the "
          "end, smallest margin %.3g J",
          (double)largest_given(r), (double)last->absorbed_J, (double)smallest_energy_margin(r));
+#undef COUNTED
 #undef LINE
     free(us);
 }

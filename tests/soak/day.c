@@ -163,15 +163,6 @@ static void keep_books(books *b, const rig *r, double before_J, day *d) {
     if (b->touching && b->without > 6) b->touching = false;
 }
 
-static bool is_sound(const rig *r) {
-    const palp_device *d = &r->file.device;
-    bool good = palp_vec3_is_finite(r->report.force_N) &&
-                palp_norm(r->report.force_N) <= d->force_max_N * 1.0001f;
-    for (int k = 0; k < 3; k++)
-        good = good && fabsf(r->report.motor_torque_Nm[k]) <= d->drives.torque_max_Nm * 1.0001f;
-    return good;
-}
-
 static void live_a_minute(rig *r, const palp_blob *blob, day *d, uint64_t minute, uint64_t *dice) {
     static double force_N[LISTENED];
     hand_key keys[KEYS];
@@ -189,7 +180,7 @@ static void live_a_minute(rig *r, const palp_blob *blob, day *d, uint64_t minute
     while (r->bus.time_s < begin + MINUTE_S) {
         const double before_J = r->bus.device.given_J;
         rig_tick(r);
-        sound = sound && is_sound(r);
+        sound = sound && rig_is_sound(r);
         keep_books(&b, r, before_J, d);
         damped = damped || r->report.state != PALP_STATE_RUN;
         if (r->report.state != PALP_STATE_RUN && r->bus.time_s > rest_s + REST_S + 1)

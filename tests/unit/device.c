@@ -49,8 +49,8 @@ static void test_odrive(void) {
     palp_drive_config config = device_load("arm3").device.drives;
     palp_drive_init(&drive, 1);
     palp_can_frame iq = {.id = 0x034, .length = 8}, fault = {.id = 0x023, .length = 8, .data = {4}};
-    CHECK(palp_drive_receive(&drive, &config, &iq) == PALP_NEWS_STATUS && drive.error == 0 &&
-              palp_drive_receive(&drive, &config, &fault) == PALP_NEWS_STATUS && drive.error == 4,
+    CHECK(palp_drive_receive(&drive, &config, &iq) == PALP_RX_STATUS && drive.error == 0 &&
+              palp_drive_receive(&drive, &config, &fault) == PALP_RX_STATUS && drive.error == 4,
           "currents pass unread, an error report counts");
     f = palp_odrive_encode(&m);
     palp_can_frame bad = f;
@@ -418,8 +418,8 @@ static void test_lengths(void) {
                     .flags = (uint8_t)(filter[i].flags | (d.drives.fd ? PALP_CAN_FD : 0)),
                     .length = (uint8_t)length};
                 memset(f->data, 0x50, sizeof f->data);
-                const palp_news news = palp_drive_receive(&drive, &d.drives, f);
-                taken += news != PALP_NEWS_NONE && news != PALP_NEWS_BAD;
+                const palp_rx_event event = palp_drive_receive(&drive, &d.drives, f);
+                taken += event != PALP_RX_NONE && event != PALP_RX_BAD;
                 free(f);
             }
         }

@@ -87,16 +87,6 @@ typedef struct {
     uint32_t faults;
 } trial;
 
-/* Force and torques finite and within limits. */
-static bool is_sound(const rig *r) {
-    const palp_device *d = &r->file.device;
-    bool good = palp_vec3_is_finite(r->report.force_N) &&
-                palp_norm(r->report.force_N) <= d->force_max_N * 1.0001f;
-    for (int k = 0; k < 3; k++)
-        good = good && fabsf(r->report.motor_torque_Nm[k]) <= d->drives.torque_max_Nm * 1.0001f;
-    return good;
-}
-
 static bool drives_are_off(const rig *r) {
     for (uint32_t i = 0; i < r->bus.device.axes; i++) {
         if (fabs(r->bus.device.drive[i].actual_Nm) > 1e-4) return false;
@@ -121,14 +111,14 @@ static trial strike(const specification *s, const char *device, uint64_t seed) {
     press(&r.bus.script);
     while (r.bus.time_s + 0.0011 < onset) {
         rig_tick(&r);
-        t.sound = t.sound && is_sound(&r);
+        t.sound = t.sound && rig_is_sound(&r);
     }
     t.before_N = palp_norm(r.report.force_N);
     uint64_t before = counter_of(&r, s->counter);
     t.sound = t.sound && r.report.state == PALP_STATE_RUN;
     while (r.bus.time_s < onset + 1.1) {
         rig_tick(&r);
-        t.sound = t.sound && is_sound(&r);
+        t.sound = t.sound && rig_is_sound(&r);
         double ms = 1000 * (r.bus.time_s - onset);
         bool seen = counter_of(&r, s->counter) > before || r.report.state != PALP_STATE_RUN;
         if (t.detect_ms < 0 && seen) t.detect_ms = ms;
@@ -360,7 +350,7 @@ static void test_soup(uint64_t seed) {
         press(&r.bus.script);
         for (int i = 0; i < 20000; i++) {
             rig_tick(&r);
-            sound = sound && is_sound(&r);
+            sound = sound && rig_is_sound(&r);
             if (palp_state_is_stopped(r.report.state) && i % 100 == 0)
                 r.more_events = PALP_EVENT_RESET;
         }

@@ -479,7 +479,7 @@ int command_play(int argc, char **argv) {
     if (!dynamic && !palp_zones_are_here(data, bytes))
         die(EXIT_WORK, "%s: neither a multizone model nor a dynamic body", s.blob);
     check_options(&s, dynamic);
-    if (dynamic) return play_lively(&s, data, bytes);
+    if (dynamic) return play_dynamic(&s, data, bytes);
     player *p = allocate(1, sizeof *p);
     p->spec = &s;
     p->z = open_zones(s.blob, data, bytes);

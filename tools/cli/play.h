@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* What `palp play` was asked for; it serves multizone models (play.c) and dynamic bodies
- * (lively.c).
+ * (dynamic_scene.c).
  */
 #ifndef PALP_SIM_PLAY_H
 #define PALP_SIM_PLAY_H
@@ -35,6 +35,6 @@ spread spread_of(double *x, size_t count);
 double play_budget_us(const play_spec *s, double rate_hz);
 
 /* A dynamic body follows a scene; returns the exit code. */
-int play_lively(const play_spec *s, const void *data, size_t bytes);
+int play_dynamic(const play_spec *s, const void *data, size_t bytes);
 
 #endif

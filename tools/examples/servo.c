@@ -6,6 +6,7 @@
  * drives are a few lines that speak the Palp profile, and their arm moves by itself; on a controller
  * the frames come from the bus, and each tick begins when its period does.
  */
+#define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include "blob.h"
 #include <time.h>
 
@@ -49,16 +50,17 @@ static const palp_device arm = {.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
                                 .bit_rate_bps = 1000000};
 
 /* What a drive says of its joint, and what it is told. */
-static palp_can_frame speak(drive *d, uint8_t node, float joint_rad) {
+static palp_can_frame speak(drive *d, uint32_t axis, float joint_rad) {
     const palp_profile_status s = {.state = d->on ? PALP_DRIVE_IS_ON : PALP_DRIVE_IS_OFF,
-                                   .position_rev = joint_rad * arm.gear[0] / RAD_PER_REV};
-    return palp_profile_encode_status(&d->sent, node, false, &s);
+                                   .position_rev = joint_rad * arm.gear[axis] / RAD_PER_REV};
+    return palp_profile_encode_status(&d->sent, arm.node_id[axis], false, &s);
 }
-static void listen(drive *d, uint8_t node, const palp_can_frame *frames, uint32_t count) {
+static void listen(drive *d, uint32_t axis, const palp_can_frame *frames, uint32_t count) {
     for (uint32_t k = 0; k < count; k++) {
         palp_profile_command c;
         palp_e2e_verdict verdict;
-        if (palp_profile_decode_command(&d->received, &frames[k], node, false, &c, &verdict))
+        if (palp_profile_decode_command(&d->received, &frames[k], arm.node_id[axis], false, &c,
+                                        &verdict))
             d->on = c.mode == PALP_MODE_TORQUE;
     }
 }
@@ -92,12 +94,12 @@ int main(int argc, char **argv) {
         float down, unused;
         palp_can_frame in[PALP_AXES], out[PALP_SERVO_FRAMES_OUT];
         palp_sincos(2.0f * (float)tick / RATE_HZ, &unused, &down);
-        for (uint8_t i = 0; i < PALP_AXES; i++)
-            in[i] = speak(&drives[i], arm.node_id[i],
-                          i == 1 ? 0.04f * (down - 1.0f) : 1e-4f * (float)(tick % 50u));
+        for (uint32_t i = 0; i < PALP_AXES; i++)
+            in[i] =
+                speak(&drives[i], i, i == 1 ? 0.04f * (down - 1.0f) : 1e-4f * (float)(tick % 50u));
         const palp_tick_input input = {.frames = in, .count = PALP_AXES};
         const uint32_t n = palp_servo_tick(servo, &input, out, &report);
-        for (uint8_t i = 0; i < PALP_AXES; i++) listen(&drives[i], arm.node_id[i], out, n);
+        for (uint32_t i = 0; i < PALP_AXES; i++) listen(&drives[i], i, out, n);
         largest_N = palp_max(largest_N, palp_norm(report.force_N));
     }
     static const char *const states[] = {PALP_STATE_NAMES};

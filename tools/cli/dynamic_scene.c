@@ -28,7 +28,7 @@ typedef struct {
     double t_s, wall_us, asked_us, displaced_m, energy_J;
     palp_dynamic_report r;
     palp_vec3 force_N[SCENE_TRACKS];
-} lively_tick;
+} dynamic_tick;
 
 typedef struct {
     const play_spec *spec;
@@ -41,7 +41,7 @@ typedef struct {
     uint64_t begun_ns, begun_work;
     double begun_s;
     size_t ticks;
-    lively_tick *tick;
+    dynamic_tick *tick;
     film film;
     double jump_m, step_m, fade_m; /* of the surface: largest difference that a change left
                    to fade; largest motion, and beyond it, of a vertex in a tick */
@@ -139,7 +139,7 @@ static void open_body(player *p) {
 }
 
 /* Largest displacement of the surface, and how it stepped. */
-static void look_at_surface(player *p, lively_tick *k, const float *before) {
+static void look_at_surface(player *p, dynamic_tick *k, const float *before) {
     for (uint32_t i = 0; i < p->tets.meta->skin; i++) {
         palp_vec3 now = palp_vec3_at(p->skin.place_m + 3 * i);
         palp_vec3 rest = palp_vec3_at(p->tets.rest_m + 3 * (size_t)p->tets.skin_node[i]);
@@ -161,7 +161,7 @@ static void run(player *p) {
     p->tick = allocate(p->ticks + 1, sizeof *p->tick);
     float *before = allocate(3 * skin, sizeof *before);
     for (size_t i = 0; i < p->ticks; i++) {
-        lively_tick *k = &p->tick[i];
+        dynamic_tick *k = &p->tick[i];
         palp_vec3 at[SCENE_TRACKS], force[SCENE_TRACKS];
         k->t_s = (double)(i + 1) / p->s.rate_hz;
         where_tools_are(p, k->t_s, at);
@@ -188,7 +188,7 @@ static void run(player *p) {
 
 /* ---- what it was like ---- */
 
-static double force_of(const lively_tick *k) {
+static double force_of(const dynamic_tick *k) {
     return (double)palp_norm(palp_add(k->force_N[0], k->force_N[1]));
 }
 
@@ -287,7 +287,7 @@ static void write_csv(const player *p, const char *path) {
           "object_fz,probe_fx,probe_fy,probe_fz,displaced_m,kinetic_J,total_J,tick_us,wall_us\n",
           out.file);
     for (size_t i = 0; i < p->ticks; i++) {
-        const lively_tick *k = &p->tick[i];
+        const dynamic_tick *k = &p->tick[i];
         fprintf(out.file, "%.9g,%" PRIu32 ",%" PRIu32 ",%" PRIu32, k->t_s, k->r.steps,
                 k->r.evaluations, k->r.elements);
         for (uint32_t l = 0; l < p->tets.meta->levels; l++)
@@ -307,26 +307,26 @@ static void write_csv(const player *p, const char *path) {
 typedef struct {
     const char *title, *unit;
     uint32_t series;
-    double (*value)(const lively_tick *, uint32_t);
+    double (*value)(const dynamic_tick *, uint32_t);
     const char *name[PALP_TET_LEVELS];
 } graph;
 
-static double value_force(const lively_tick *k, uint32_t t) {
+static double value_force(const dynamic_tick *k, uint32_t t) {
     return (double)palp_norm(k->force_N[t]);
 }
-static double value_active(const lively_tick *k, uint32_t l) { return k->r.active[l]; }
-static double value_work(const lively_tick *k, uint32_t unused) {
+static double value_active(const dynamic_tick *k, uint32_t l) { return k->r.active[l]; }
+static double value_work(const dynamic_tick *k, uint32_t unused) {
     (void)unused;
     return k->r.evaluations;
 }
-static double value_moved(const lively_tick *k, uint32_t unused) {
+static double value_moved(const dynamic_tick *k, uint32_t unused) {
     (void)unused;
     return k->displaced_m;
 }
-static double value_energy(const lively_tick *k, uint32_t which) {
+static double value_energy(const dynamic_tick *k, uint32_t which) {
     return (double)(which == 0 ? k->r.kinetic_J : k->r.total_J);
 }
-static double value_time(const lively_tick *k, uint32_t which) {
+static double value_time(const dynamic_tick *k, uint32_t which) {
     return which == 0 ? k->asked_us : k->wall_us;
 }
 
@@ -378,7 +378,7 @@ static void write_report(const player *p, const char *path) {
     commit_output(&out);
 }
 
-int play_lively(const play_spec *s, const void *data, size_t bytes) {
+int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     player *p = allocate(1, sizeof *p);
     p->spec = s;
     palp_status status = palp_tets_open(&p->tets, data, bytes);
