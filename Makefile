@@ -111,7 +111,7 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 	@echo "The same bake took nine hours on eight processors in 2002 (Table II of the paper)."
 	@echo "Look at $(DEMO)/report.html"
 
-demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a new posture each tick: build/finger/report.html
+demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a new configuration each tick: build/finger/report.html
 	@mkdir -p $(BUILD)/finger
 	$(BUILD)/palp bake blobs/finger.model -o $(BUILD)/finger/finger.palp
 	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv

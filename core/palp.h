@@ -18,7 +18,7 @@
  *   blob/   format, validation, typed views
  *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
  *           field, display surface
- *   zone/   multizone models: postures, seams, the posed model as contact sees it
+ *   zone/   multizone models: configurations, seams, the posed model as contact sees it
  *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands
  *           on blob alone)
  *   surface/ the surface of a body or a zone: its points, and how it gives way between them

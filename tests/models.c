@@ -210,7 +210,7 @@ static baked bake_of(mesh m, double below, double epsilon, bool raw, bool half, 
     built made = blob_build(&b.m, &b.g, &b.d, b.area, b.normal, meta, &options);
     b.bytes = made.bytes;
     b.size = made.size;
-    b.softened = made.softened;
+    b.regularised = made.regularised;
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
     return b;

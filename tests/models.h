@@ -46,7 +46,7 @@ typedef struct {
     palp_blob blob;
     uint8_t *bytes;
     size_t size;
-    double softened; /* largest softening over a node's own compliance */
+    double regularised; /* largest regularisation over a node's own compliance */
 } baked;
 
 /* Fixes the vertices with z at most `below` and bakes in memory. */

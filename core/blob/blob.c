@@ -48,7 +48,7 @@ static void read_mesh(palp_reader *r, palp_blob *b) {
     b->rest_m = palp_reader_floats(r, PALP_SEC_REST, m->nodes, 3);
     b->normal = palp_reader_floats(r, PALP_SEC_NORMAL, m->nodes, 3);
     b->area_m2 = palp_reader_floats(r, PALP_SEC_AREA, m->nodes, 1);
-    b->softening = palp_reader_floats(r, PALP_SEC_SOFTENING, m->nodes, 1);
+    b->regularisation = palp_reader_floats(r, PALP_SEC_REGULARISATION, m->nodes, 1);
     b->triangle = palp_reader_indices(r, PALP_SEC_TRIANGLE, m->triangles, 3, m->nodes);
     b->ring_offset = palp_reader_offsets(r, PALP_SEC_RING_OFFSET, m->nodes, m->max_ring);
     b->cell_offset = palp_reader_offsets(r, PALP_SEC_CELL_OFFSET, cells, m->nodes);
@@ -60,7 +60,7 @@ static void read_mesh(palp_reader *r, palp_blob *b) {
         palp_vec3 n = palp_vec3_at(b->normal + 3u * i);
         float length2 = palp_dot(n, n);
         palp_reader_require(r, length2 > 0.98f && length2 < 1.02f);
-        palp_reader_require(r, b->area_m2[i] > 0.0f && b->softening[i] >= 0.0f);
+        palp_reader_require(r, b->area_m2[i] > 0.0f && b->regularisation[i] >= 0.0f);
     }
 }
 

@@ -64,8 +64,8 @@ typedef enum {
     PALP_SEC_RING = 8,        /* u32[] neighbours of each node */
     PALP_SEC_CELL_OFFSET = 9, /* u32[cells + 1] search grid */
     PALP_SEC_CELL_NODE = 10,  /* u32[nodes] nodes sorted by cell */
-    PALP_SEC_SOFTENING = 11,  /* f32[nodes] added to each node's own normal compliance, m/N */
-    PALP_SEC_LEVEL_AREA = 12, /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
+    PALP_SEC_REGULARISATION = 11, /* f32[nodes] added to each node's own normal compliance, m/N */
+    PALP_SEC_LEVEL_AREA = 12,     /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
     /* The surface as contact meets it (core/surface); all or none. */
     PALP_SEC_ACROSS = 13,       /* u32[triangles][3] triangle across the edge facing each corner */
     PALP_SEC_MODE_VALUE = 14,   /* f32[modes] eigenvalues of H, largest magnitude first, m/N */
@@ -105,17 +105,17 @@ typedef enum {
     PALP_SEC_LEVEL_TABLE = 132, /* f32[n (n + 1) / 2][9] lower triangle of R_l G R_l^T, m/N */
     /* A multizone model holds none of the above, but whole blobs of its zones and what joins them.
      */
-    PALP_SEC_ZONES = 512,     /* palp_zones_meta */
-    PALP_SEC_ZONE = 513,      /* palp_zone_entry[zones], each behind the one that carries it */
-    PALP_SEC_JOINT = 514,     /* palp_joint_entry[joints] */
-    PALP_SEC_SEAM = 515,      /* palp_seam_entry[seams], in the order of elimination */
-    PALP_SEC_SEAM_NODE = 516, /* u32[][2] of each seam in turn: node in zone[0], in zone[1] */
-    PALP_SEC_SEAM_MODE = 517, /* f32[] of each seam in turn: [nodes][modes] orthonormal modes */
-    PALP_SEC_ZONE_BLOB = 576, /* + zone: the bytes of its blob */
-    PALP_SEC_STIFFNESS = 608, /* + zone: f32[M (M + 1) / 2][9] lower triangle, N/m */
-    PALP_SEC_FOLLOW = 640,    /* + zone: f32[free slots][M][9] displacement by seam modes */
-    PALP_SEC_REACTION = 672,  /* + zone: f32[fixed slots][M][9] reactions to seam modes, N/m */
-    PALP_SEC_WEIGHT = 704,    /* + zone: f32[M][9] seam reaction to unit acceleration, kg */
+    PALP_SEC_ZONES = 512,         /* palp_zones_meta */
+    PALP_SEC_ZONE = 513,          /* palp_zone_entry[zones], each behind the one that carries it */
+    PALP_SEC_JOINT = 514,         /* palp_joint_entry[joints] */
+    PALP_SEC_SEAM = 515,          /* palp_seam_entry[seams], in the order of elimination */
+    PALP_SEC_SEAM_NODE = 516,     /* u32[][2] of each seam in turn: node in zone[0], in zone[1] */
+    PALP_SEC_SEAM_MODE = 517,     /* f32[] of each seam in turn: [nodes][modes] orthonormal modes */
+    PALP_SEC_ZONE_BLOB = 576,     /* + zone: the bytes of its blob */
+    PALP_SEC_STIFFNESS = 608,     /* + zone: f32[M (M + 1) / 2][9] lower triangle, N/m */
+    PALP_SEC_SEAM_RESPONSE = 640, /* + zone: f32[free slots][M][9] displacement by seam modes */
+    PALP_SEC_REACTION = 672,      /* + zone: f32[fixed slots][M][9] reactions to seam modes, N/m */
+    PALP_SEC_WEIGHT = 704,        /* + zone: f32[M][9] seam reaction to unit acceleration, kg */
 
     /* A body of tetrahedra at several resolutions; nodes, tetrahedra and families of all levels in
      * one count, coarse to fine. */
@@ -138,7 +138,7 @@ typedef enum {
     PALP_SEC_SKIN_NODE = 784,            /* u32[skin] nodes of the finest level */
     PALP_SEC_SKIN_TRIANGLE = 785,        /* u32[skin_triangles][3] outward */
     PALP_SEC_SKIN_NORMAL = 786,          /* f32[skin][3] */
-    PALP_SEC_SKIN_TET = 787,             /* u32[skin][levels] where each vertex hangs */
+    PALP_SEC_SKIN_TET = 787,             /* u32[skin][levels] that each vertex is embedded in */
     PALP_SEC_SKIN_WEIGHT = 788,          /* f32[skin][levels][4] */
 } palp_section;
 
@@ -182,7 +182,7 @@ typedef struct {
     uint32_t level_modes[PALP_SEAM_LEVELS]; /* first so many modes on each level; the last: all */
     uint32_t joint;                         /* between its zones; PALP_NONE if there is none */
     float ones[PALP_AFFINE_MODES];          /* the constant 1, in modes */
-    float place_m[PALP_AFFINE_MODES][3];    /* the rest positions, in modes */
+    float position_m[PALP_AFFINE_MODES][3]; /* the rest positions, in modes */
     float length_m;                         /* of its box's diagonal */
     uint32_t reserved[4];
 } palp_seam_entry;
@@ -258,9 +258,10 @@ typedef struct {
 /* What a node is, without its material. */
 typedef struct {
     float volume_m3; /* a quarter of that of its tetrahedra */
-    float spread[6]; /* sum of V b b^T: xx, yy, zz, yz, zx, xy; the Jacobian at rest (AD 11) is
-                        -((lambda + mu) spread + mu tr(spread) I) */
-    float near_m;    /* h: distance to its nearest neighbour (AD 9, 10) */
+    float
+        gradient_sum[6]; /* sum of V b b^T: xx, yy, zz, yz, zx, xy; the Jacobian at rest (AD 11) is
+                        -((lambda + mu) gradient_sum + mu tr(gradient_sum) I) */
+    float near_m;        /* h: distance to its nearest neighbour (AD 9, 10) */
     uint32_t flags;
 } palp_tet_node;
 

@@ -13,7 +13,7 @@
     X(BALL, "ball", "one ball of a tool evaluated at a node")                                      \
     X(PAD, "pad", "a pad evaluated")                                                               \
     X(CYLINDER, "cylinder", "a cylinder evaluated")                                                \
-    X(ROOM, "room", "one contact point looked at to make room")                                    \
+    X(ROOM, "room", "one contact point compared to make room")                                     \
     X(ROW, "row", "a row of W^-1 begun")                                                           \
     X(ROW_WORD, "row_word", "one word of marks scanned")                                           \
     X(ROW_MARK, "row_mark", "one marked slot visited")                                             \
@@ -29,7 +29,7 @@
     X(COUPLE, "couple", "a tool's spring in one solve")                                            \
     X(LEAVE, "leave", "a tool's spring in one tick")                                               \
     X(TICK, "tick", "a bounded tick, its end and its report")                                      \
-    X(QUANTUM, "quantum", "a look at the clock and what it decides")                               \
+    X(QUANTUM, "quantum", "a reading of the clock and what it decides")                            \
     X(ADD, "add", "a column added to the details")                                                 \
     X(ADD_GROUP, "add_group", "eight blocks of it")                                                \
     X(ADD_HALF, "add_half", "the same stored in halves")                                           \
@@ -44,27 +44,27 @@
     X(SEAM_ROW, "seam_row", "one entry of a block divided or moved")                               \
     X(SEAM_PRODUCT, "seam_product", "one entry of a block eliminated")                             \
     X(TURN, "turn", "a place or a direction of a zone turned")                                     \
-    X(PLACE, "place", "where a node of a zone is")                                                 \
-    X(PLACE_MODE, "place_mode", "one mode of its seams in that")                                   \
+    X(POSITION, "position", "where a node of a zone is")                                           \
+    X(POSITION_MODE, "position_mode", "one mode of its seams in that")                             \
     X(ELEMENT, "element", "one element evaluated")                                                 \
     X(NODE_STEP, "node_step", "one node in one step")                                              \
     X(SOURCE, "source", "one source of an interface node")                                         \
-    X(SPOT, "spot", "one close look of a tool")                                                    \
-    X(SPOT_STEP, "spot_step", "one spot in one step")                                              \
-    X(SKIN, "skin", "one skin vertex looked at")                                                   \
+    X(NARROW, "narrow", "one narrow-phase test of a tool")                                         \
+    X(IMPOSED, "imposed", "one point in one step")                                                 \
+    X(SKIN, "skin", "one skin vertex tested")                                                      \
     X(SKIN_TOOL, "skin_tool", "by each tool")                                                      \
     X(NODE_TICK, "node_tick", "one node in one tick")                                              \
     X(LIST_NODE, "list_node", "one node listed anew")                                              \
     X(LIST_TET, "list_tet", "one tetrahedron listed anew")                                         \
-    X(LIST_SKIN, "list_skin", "one skin vertex hung anew")                                         \
+    X(LIST_SKIN, "list_skin", "one skin vertex embedded anew")                                     \
     X(FAMILY, "family", "one family weighed")                                                      \
-    X(LOOK, "look", "one look of adaptivity")                                                      \
+    X(ELEMENT_TEST, "element_test", "one element tested before a change of level")                 \
     X(SERVO, "servo", "a servo tick without its frames and the contact")                           \
     X(FRAME, "frame", "one frame received")                                                        \
     X(FILLING, "filling", "one filling of a lattice, its table, what it follows")                  \
-    X(AROUND, "around", "one node around a tool looked at")                                        \
-    X(GIVEN, "given", "what the body as a whole has moved a place by")                             \
-    X(SHOT, "shot", "one place of a lattice looked at")                                            \
+    X(AROUND, "around", "one node around a tool tested")                                           \
+    X(FAR_FIELD, "far_field", "the body's far field at a place")                                   \
+    X(SHOT, "shot", "one site of a lattice shot at")                                               \
     X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \
     X(POINT, "point", "a contact point: what it asks, its share of the answer")                    \
     X(MODE_AT, "mode_at", "one mode at a point")                                                   \
@@ -73,7 +73,7 @@
     X(CORNER, "corner", "one corner of the points' triangles")                                     \
     X(CORNER_MODE, "corner_mode", "one mode at a corner")                                          \
     X(DISPLACE, "displace", "one force at one point, or its gradient")                             \
-    X(FOLLOW, "follow", "derivatives of one place of a lattice")                                   \
+    X(DERIVATIVE, "derivative", "derivatives of one site of a lattice")                            \
     X(ITERATION, "iteration", "a change of the active set")                                        \
     X(PRESSED, "pressed", "one point in contact in it, or outside")                                \
     X(FINISH, "finish", "the end of a contact for one tool")                                       \

@@ -16,7 +16,8 @@ static void feel(palp_contact *c, uint32_t level, uint32_t zone, const palp_surf
     const palp_blob *b = &c->assembly->zones->blob[zone];
     const uint32_t *corner = b->triangle + 3u * (size_t)at->triangle;
     for (uint32_t k = 0; k < 3u; k++)
-        palp_assembly_push(c->assembly, level, zone, corner[k], at->weight[k], force, c->felt);
+        palp_assembly_modal_load(c->assembly, level, zone, corner[k], at->weight[k], force,
+                                 c->felt);
     c->work_done += 27u * (uint64_t)palp_assembly_modes(c->assembly, zone);
 }
 
@@ -41,7 +42,7 @@ void palp_contact_bond(palp_contact *contact) {
         const palp_zone_part *part = &a->zones->part[zone];
         clear(c->felt, 3u * a->zones->zone[zone].modes);
         feel(c, f->level, zone, palp_contact_side(c, s), palp_contact_column(c, COL_M, s));
-        palp_seams_load_among(q, a->posture, f->level, zone, c->felt, c->seam + s, stride);
+        palp_seams_load_among(q, a->configuration, f->level, zone, c->felt, c->seam + s, stride);
         palp_seams_load_among(q, NULL, f->level, zone, c->felt, rest + s, stride);
         for (uint32_t k = 0; k < part->seams; k++) touched |= 1ull << part->seam[k];
         c->work_done += 30u * (uint64_t)palp_assembly_modes(a, zone);
@@ -97,7 +98,7 @@ void palp_contact_bond_corners(palp_contact *contact) {
     const uint32_t n = 3u * a->seams.modes, level = palp_seams_factor(&a->seams)->level;
     clear(c->answer, 2u * n);
     for (uint32_t b = 0; b < c->bodies; b++) {
-        if (feel_all(c, b)) palp_assembly_feel(a, b, c->felt, c->answer);
+        if (feel_all(c, b)) palp_assembly_add_modal_load(a, b, c->felt, c->answer);
     }
     palp_assembly_answer(a, c->answer);
     for (uint32_t b = 0; b < c->bodies; b++) {
@@ -107,7 +108,7 @@ void palp_contact_bond_corners(palp_contact *contact) {
         palp_assembly_answer_of(a, b, c->answer, c->felt);
         for (uint32_t k = 0; k < c->nodes; k++) {
             if (c->node_body[k] != b) continue;
-            palp_vec3 u = palp_assembly_follow(a, level, b, c->node[k], c->felt);
+            palp_vec3 u = palp_assembly_modal_displacement(a, level, b, c->node[k], c->felt);
             c->node_u_m[k] = palp_add(c->node_u_m[k], u);
             c->work_done += 9u * (uint64_t)palp_assembly_modes(a, b);
         }

@@ -109,11 +109,11 @@ static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) 
 }
 
 /* Both fields about the place of the first. */
-static palp_given together(palp_given a, const palp_given *b) {
+static palp_far_field together(palp_far_field a, const palp_far_field *b) {
     float gone;
     if (!(b->fade > 0.0f)) return a;
     if (!(a.fade > 0.0f)) return *b;
-    a.mean_m = palp_add(a.mean_m, palp_add(b->mean_m, palp_given_beside(b, a.at_m, &gone)));
+    a.mean_m = palp_add(a.mean_m, palp_add(b->mean_m, palp_far_field_beside(b, a.at_m, &gone)));
     for (uint32_t k = 0; k < 9u; k++) a.slope[k] += b->slope[k];
     a.fade = palp_min(a.fade, b->fade);
     return a;
@@ -125,8 +125,8 @@ static palp_given together(palp_given a, const palp_given *b) {
  * So a contact is not lost because the tool was foreseen a little above a surface that gives hardly
  * way.
  */
-static palp_given given_for(const palp_contact *c, const palp_contact_patch *patch) {
-    palp_given g = palp_given_times(&patch->given, c->given_share);
+static palp_far_field given_for(const palp_contact *c, const palp_contact_patch *patch) {
+    palp_far_field g = palp_far_field_times(&patch->given, c->given_share);
     if (c->assembly != NULL) g = together(g, &patch->bent);
     if (!(c->forward > 0.0f) || patch->tool == PALP_CONTACT_TOOLS) return g;
     palp_vec3 pull = palp_sub(c->spring[patch->tool].held_m, patch->tool_m);
@@ -323,7 +323,7 @@ static palp_vec3 at_corners(const palp_contact *c, uint32_t side, const palp_sur
 /* The displacements around a patch's forces: by the modes and seams, and as its body is bent; of
  * one zone against the other. */
 static void find_given(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
-    palp_given_sums given = {.weight = 0.0f}, bent = {.weight = 0.0f};
+    palp_far_field_sums given = {.weight = 0.0f}, bent = {.weight = 0.0f};
     for (uint32_t a = 0; a < c->active_count; a++) {
         const uint32_t i = c->active[a], other = c->other_side[i];
         const palp_contact_point *p = &c->point[i];
@@ -340,15 +340,15 @@ static void find_given(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
             u = at_corners(c, other, z, c->node_bent_m);
             b = palp_sub(b, palp_contact_outward(c, z->body, u));
         }
-        palp_given_add(&given, p->force_N, y, h, p->cell_m);
-        palp_given_add(&bent, p->force_N, y, b, p->cell_m);
+        palp_far_field_add(&given, p->force_N, y, h, p->cell_m);
+        palp_far_field_add(&bent, p->force_N, y, b, p->cell_m);
     }
-    patch->given = palp_given_fit(&given, patch->tool_m);
+    patch->given = palp_far_field_fit(&given, patch->tool_m);
     const float size = size_of(c, patch);
     if (!(given.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
         patch->given.fade = 16.0f / (size * size);
     if (given.weight > 0.0f && c->assembly != NULL)
-        patch->bent = palp_given_fit(&bent, patch->tool_m);
+        patch->bent = palp_far_field_fit(&bent, patch->tool_m);
 }
 
 /*

@@ -26,12 +26,12 @@
  * cut off at PALP_CONTACT_BEYOND of the first, which they reach where a tool meets folds or lies in
  * several regions with few points in each; what F then lacks is repaid on the way (repay.h).
  *
- * A multizone model is one body at rest, so C is that of the rest posture in the zones' own
- * coordinates, which are the model's at rest, and what its seams do differently in this posture
- * (zone/assembly.h). Its surface lies in pieces, each zone in a frame of its own, which a tool's
- * lattice goes over as if they were one. What the seams and weight have bent a zone by is there
- * before any contact. Where a zone lies on another, there is a lattice between the two, and each of
- * its points has two sides, y on the one and z before it on the other,
+ * A multizone model is one body at rest, so C is that of the rest configuration in the zones' own
+ * coordinates, which are the model's at rest, and what its seams do differently in this
+ * configuration (zone/assembly.h). Its surface lies in pieces, each zone in a frame of its own,
+ * which a tool's lattice goes over as if they were one. What the seams and weight have bent a zone
+ * by is there before any contact. Where a zone lies on another, there is a lattice between the two,
+ * and each of its points has two sides, y on the one and z before it on the other,
  *
  *     m (y + u_y - z - u_z) >= 0,   m = (n_z - n_y) / |n_z - n_y|
  *
@@ -59,9 +59,9 @@
 #define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
 #define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
 #define PALP_CONTACT_PAIR_REACH                                                                    \
-    4.0f                     /* edges about where zones meet, within which nodes are looked at */
-#define PALP_CONTACT_SCAN 4u /* nodes that a tick compares with other zones in turn */
-#define PALP_CONTACT_FOLLOWED 4u /* pairs of zones whose nearest nodes it follows */
+    4.0f                        /* edges about where zones meet, within which nodes are looked at */
+#define PALP_CONTACT_SCAN 4u    /* nodes that a tick compares with other zones in turn */
+#define PALP_CONTACT_TRACKED 4u /* pairs of zones whose nearest nodes it follows */
 
 /*
  * One constraint level: how many points are wanted in contact, and how many modes of H are used.
@@ -108,13 +108,13 @@ typedef struct {
     palp_vec3 met_m;      /* and that in the frame of the first */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
-    palp_given given;     /* by the body as a whole under the forces of the last tick */
-    palp_given bent;      /* and without them */
-    palp_given bent_used; /* what of lattice.used.given is that */
-    float spacing_before; /* of the lattice in the last tick */
-    float normal_N;       /* sum of lambda */
-    palp_vec3 push_N;     /* - sum lambda m, where the bodies are */
-    palp_vec3 beyond_N;   /* what the exact force has beyond it */
+    palp_far_field given;     /* by the body as a whole under the forces of the last tick */
+    palp_far_field bent;      /* and without them */
+    palp_far_field bent_used; /* what of lattice.used.given is that */
+    float spacing_before;     /* of the lattice in the last tick */
+    float normal_N;           /* sum of lambda */
+    palp_vec3 push_N;         /* - sum lambda m, where the bodies are */
+    palp_vec3 beyond_N;       /* what the exact force has beyond it */
 } palp_contact_patch;
 
 /* Sides of points that lie on one body, one behind the other. */

@@ -105,7 +105,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     c.pairs = pairs ? 1.0f : 0.0f;
     c.patches = (float)tool_count;
     if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
-    c.bent = price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE];
+    c.bent = price->of[PALP_WORK_POSITION] + modes * price->of[PALP_WORK_POSITION_MODE];
     c.unknowns = 3.0f * (float)q->modes;
     c.solve = palp_seams_cost_solve(q, price, q->finest);
     c.forward = palp_seams_cost_forward(q, price, q->finest);
@@ -117,18 +117,19 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
                               : palp_contact_level_of(level, cost->modes);
 }
 
-float palp_contact_cost_place(const palp_contact_cost *cost) {
-    const float look = 2.0f * cost->bent + PRICE(cost, SHOT) +
-                       (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING) +
-                       cost->cells * PRICE(cost, AROUND);
+float palp_contact_cost_patches(const palp_contact_cost *cost) {
+    const float search = 2.0f * cost->bent + PRICE(cost, SHOT) +
+                         (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING) +
+                         cost->cells * PRICE(cost, AROUND);
     const float others = palp_max(cost->zones - 1.0f, 0.0f);
-    const float followed = palp_min(0.5f * cost->zones * others, (float)PALP_CONTACT_FOLLOWED);
+    const float tracked = palp_min(0.5f * cost->zones * others, (float)PALP_CONTACT_TRACKED);
     const float neighbours = cost->ring + 1.0f;
     const float used = cost->patches - cost->tools; /* pairs at a time */
     return cost->zones * cost->tools * PRICE(cost, SOUGHT) +
-           cost->pairs * ((float)PALP_CONTACT_SCAN * others * look +
-                          followed * (2.0f * look + neighbours * neighbours * PRICE(cost, AROUND)) +
-                          used * 2.0f * (cost->ring * PRICE(cost, AROUND) + PRICE(cost, FILLING)));
+           cost->pairs *
+               ((float)PALP_CONTACT_SCAN * others * search +
+                tracked * (2.0f * search + neighbours * neighbours * PRICE(cost, AROUND)) +
+                used * 2.0f * (cost->ring * PRICE(cost, AROUND) + PRICE(cost, FILLING)));
 }
 
 static float filled(const palp_contact_cost *cost, palp_lattice_counts done, float evaluation) {
@@ -136,7 +137,7 @@ static float filled(const palp_contact_cost *cost, palp_lattice_counts done, flo
         2.0f * (float)done.around + 6.0f * (float)done.shots + (float)done.evaluations;
     const float sum =
         (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
-        (float)done.evaluations * (evaluation + PRICE(cost, GIVEN)) +
+        (float)done.evaluations * (evaluation + PRICE(cost, FAR_FIELD)) +
         (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
         (float)done.bent * cost->bent +
         (float)done.fillings * PALP_LATTICE_WATCHED *
@@ -152,15 +153,15 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 
 static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_contact_level level,
                                        uint32_t nodes, uint32_t rows) {
-    const uint32_t looks = PALP_LATTICE_LOOKS(level.points), ring = (uint32_t)cost->ring;
+    const uint32_t shots = PALP_LATTICE_SHOTS(level.points), ring = (uint32_t)cost->ring;
     const uint32_t feet = PALP_LATTICE_FEET(level.points);
     const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
                                  .around = nodes + rows + feet * ring,
-                                 .evaluations = nodes + looks + PALP_LATTICE_WANTED(level.points) +
+                                 .evaluations = nodes + shots + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
                                                 10u * feet + 1u,
-                                 .shots = looks + 4u * feet,
+                                 .shots = shots + 4u * feet,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points),
                                  .bent = bent};
 }
@@ -189,7 +190,7 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
 /* What a zone's seams feel of a push, on the level of the seams in use. */
 static float felt(const palp_contact_cost *cost) {
     return palp_min(cost->bent,
-                    PRICE(cost, PLACE) + cost->unknowns / 3.0f * PRICE(cost, PLACE_MODE));
+                    PRICE(cost, POSITION) + cost->unknowns / 3.0f * PRICE(cost, POSITION_MODE));
 }
 
 /* Other sides that so many points have: half of all points at most lie between zones. */
@@ -261,7 +262,7 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     float sum = cost->tools * PRICE(cost, FINISH) +
                 n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
-                n * (PRICE(cost, FOLLOW) + cost->evaluation) + a * modes * PRICE(cost, MODE_AT);
+                n * (PRICE(cost, DERIVATIVE) + cost->evaluation) + a * modes * PRICE(cost, MODE_AT);
     if (!cost->friction) return sum;
     sum += cost->tools * PRICE(cost, FRICTION);
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +

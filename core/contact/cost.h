@@ -26,7 +26,7 @@ typedef struct {
     bool friction;
     float patches;      /* tools, and pairs of zones */
     float zones, pairs; /* of a multizone model, else 0; 1 if zones touch each other */
-    float bent;         /* to say how a node of a zone is bent: PLACE + M PLACE_MODE */
+    float bent;         /* to say how a node of a zone is bent: POSITION + M POSITION_MODE */
     /* of the level of the seams in use: unknowns, palp_seams_cost_solve, palp_seams_cost_forward */
     float unknowns, solve, forward;
     float cells; /* most nodes in 27 cells of a zone */
@@ -49,10 +49,10 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
  * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs followed) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
  * CROSSING + cells AROUND) + pairs followed (ring + 1)^2 AROUND + 2 pairs in contact (ring AROUND +
  * FILLING). */
-float palp_contact_cost_place(const palp_contact_cost *cost);
+float palp_contact_cost_patches(const palp_contact_cost *cost);
 
-/* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + GIVEN) + shots
- * SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h
+/* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + FAR_FIELD) +
+ * shots SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h
  * + bent BENT; between zones an evaluation is a shot as well. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
@@ -67,9 +67,9 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
                                 uint32_t tool);
 
 /*
- * Of a multizone model, BENT is PLACE + M PLACE_MODE with M modes of a zone's seams; FELT the same
- * of the level of the seams in use, or BENT where that is less. Where zones touch each other, up to
- * half of the points of the level have two sides. On top of what follows:
+ * Of a multizone model, BENT is POSITION + M POSITION_MODE with M modes of a zone's seams; FELT the
+ * same of the level of the seams in use, or BENT where that is less. Where zones touch each other,
+ * up to half of the points of the level have two sides. On top of what follows:
  *
  *   fill       zones SOUGHT, and a TURN for each place that is turned from one frame to another
  *   points     a side 3 (BENT + FELT) + 2 unknowns SEAM_TURN + 2 forward, and 60 forward once to
@@ -98,10 +98,10 @@ float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level l
  * a) a DOT + QUANTUM */
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
-/* palp_contact_finish: tools FINISH + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count (FOLLOW
- * + EVALUATION)
- * + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction + tools FRICTION
- * + 2 (a (POINT + modes MODE_AT) + 2 a^2 DISPLACE + 3 count (CORNER + modes CORNER_MODE)) */
+/* palp_contact_finish: tools FINISH + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count
+ * (DERIVATIVE + EVALUATION) + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction
+ * + tools FRICTION + 2 (a (POINT + modes MODE_AT) + 2 a^2 DISPLACE + 3 count (CORNER + modes
+ * CORNER_MODE)) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active);
 

@@ -76,8 +76,7 @@ static void take_over(palp_friction *f, uint32_t r, const palp_springs *old, uin
 }
 
 /* The regions of this tick, with the springs of those before. */
-static void follow_regions(palp_friction *f, palp_friction_work *w, palp_contact *c,
-                           uint32_t tool) {
+static void track_regions(palp_friction *f, palp_friction_work *w, palp_contact *c, uint32_t tool) {
     const bool rounded = c->tools[tool].balls > 0u;
     const uint32_t before = f->regions;
     for (uint32_t k = 0; k < before; k++) {
@@ -89,7 +88,7 @@ static void follow_regions(palp_friction *f, palp_friction_work *w, palp_contact
         const palp_contact_region *at = &w->region[1][k];
         const float over = rounded ? SPREAD_ROUND : SPREAD_FLAT;
         f->region[k] = (palp_springs){
-            .at = *at, .radius_m = palp_sqrt(over * at->spread_m2), .rounded = rounded};
+            .at = *at, .radius_m = palp_sqrt(over * at->gyration_m2), .rounded = rounded};
     }
     if (f->regions == 0u) return;
     find_tangents(f, c->force_N[tool]);
@@ -168,7 +167,7 @@ void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp
     const palp_vec3 before = palp_scale(-1.0f, f->force_N);
     const palp_vec3 unslowed_m = palp_madd(rest_m, s.soft_m_per_N, before); /* without T */
     const bool touched = f->regions > 0u;
-    if (contact->normal_N[tool] > 0.0f) follow_regions(f, work, contact, tool);
+    if (contact->normal_N[tool] > 0.0f) track_regions(f, work, contact, tool);
     if (!(contact->normal_N[tool] > 0.0f) || f->regions == 0u) {
         palp_friction_reset(f);
         return;

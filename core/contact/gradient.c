@@ -149,14 +149,14 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
                                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
     normal = palp_contact_outward(c, p->at.body, normal);
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
-    const palp_given *given = &l->used.given;
+    const palp_far_field *given = &l->used.given;
     palp_vec3 at = palp_sub(patch->tool_m, given->mean_m);
     float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
-    palp_vec3 y = palp_add(p->y, palp_given_beside(given, p->y, &gone));
+    palp_vec3 y = palp_add(p->y, palp_far_field_beside(given, p->y, &gone));
     z.out = palp_tool_gap(&c->tools[patch->tool], at, y).normal;
     z.out_q = where_it_is(
         c, p, z.dy_dq,
-        palp_add(z.out, palp_scale(1.0f - gone, palp_given_turned_back(given, z.out))), true);
+        palp_add(z.out, palp_scale(1.0f - gone, palp_far_field_turned_back(given, z.out))), true);
     z.facing_q = where_it_is(c, p, z.dn_dq, p->direction, true);
     return z;
 }
@@ -223,10 +223,10 @@ typedef struct {
     palp_vec3 toward, dtoward[MOVES], out, dout[MOVES];
     float deepest, ddeepest[MOVES];
     float q[MOVES]; /* dQ */
-} follow_sums;
+} derivative_sums;
 
-static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3 off,
-                          const point_move *d, const shot_move *shot, bool central, uint32_t k) {
+static void add_derivative(derivative_sums *f, const palp_contact_point *p, palp_vec3 off,
+                           const point_move *d, const shot_move *shot, bool central, uint32_t k) {
     float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m,
           darea = 2.0f * PALP_LATTICE_CELL * p->cell_m * d->cell;
     float w = area * p->overlap_m, dw = darea * p->overlap_m + area * d->overlap;
@@ -239,7 +239,7 @@ static void add_to_follow(follow_sums *f, const palp_contact_point *p, palp_vec3
 }
 
 /* Derivatives of the equations r that the lattice obeys, in direction k. */
-static void equations(const palp_lattice *l, const follow_sums *f, bool central, bool turns,
+static void equations(const palp_lattice *l, const derivative_sums *f, bool central, bool turns,
                       float cells, uint32_t k, float r[PARAMETERS]) {
     const palp_lattice_state *s = &l->used;
     palp_vec3 turn = {0}; /* of the tangents, for the axis' own directions */
@@ -274,8 +274,8 @@ static void equations(const palp_lattice *l, const follow_sums *f, bool central,
 }
 
 /* Adds Q_p dp/dc. */
-static palp_vec3 follow_force(const palp_contact *c, const palp_contact_patch *patch,
-                              const follow_sums *f) {
+static palp_vec3 derivative_force(const palp_contact *c, const palp_contact_patch *patch,
+                                  const derivative_sums *f) {
     const palp_tool *tool = &c->tools[patch->tool];
     const palp_lattice *l = &patch->lattice;
     const bool central = palp_lattice_is_central(tool), flat = palp_lattice_is_flat(tool);
@@ -336,7 +336,7 @@ static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i,
     return sum;
 }
 
-static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
+static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
     const palp_contact_point *p = &c->point[i];
     const palp_contact_patch *patch = &c->patch[p->patch];
     const palp_lattice *l = &patch->lattice;
@@ -362,7 +362,7 @@ static void add_point(palp_contact *c, uint32_t i, follow_sums *f) {
     for (uint32_t k = 0; k < MOVES; k++) {
         if (k >= 3u && !is_free(l, central, flat, k - 3u)) continue;
         point_move d = move_point(c, p, &z, central, &shot[k], tool[k]);
-        add_to_follow(f, p, off, &d, &shot[k], central, k);
+        add_derivative(f, p, off, &d, &shot[k], central, k);
         if (deepest) f->ddeepest[k] = d.overlap;
         f->q[k] += palp_dot(of_q.y, d.q) + of_q.cell * d.cell;
     }
@@ -398,7 +398,7 @@ void palp_contact_exact(palp_contact *contact) {
     palp_contact *c = contact;
     for (uint32_t k = 0; k < c->patches; k++) {
         palp_contact_patch *patch = &c->patch[k];
-        follow_sums f = {.s0 = 0.0f};
+        derivative_sums f = {.s0 = 0.0f};
         bool any = false;
         if (!patch->used || patch->tool == PALP_CONTACT_TOOLS) continue;
         for (uint32_t i = 0; i < c->count; i++) {
@@ -408,7 +408,7 @@ void palp_contact_exact(palp_contact *contact) {
         }
         if (!any) continue;
         const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};
-        patch->beyond_N = seen_from_given(c, k, palp_add(moved, follow_force(c, patch, &f)));
+        patch->beyond_N = seen_from_given(c, k, palp_add(moved, derivative_force(c, patch, &f)));
     }
     c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

@@ -5,16 +5,16 @@
 
 #define FACING 0.1f     /* least cosine at which a vertex is taken */
 #define HOLD 1.0f       /* tool sizes within which families are held */
-#define MARGIN 0.1f     /* tool sizes within which vertices are spots */
-#define TOO_LITTLE 0.1f /* sum of squared weights: less hangs on nodes that cannot be moved */
+#define MARGIN 0.1f     /* tool sizes within which vertices are points */
+#define TOO_LITTLE 0.1f /* sum of squared weights: the nodes that can be moved carry too little */
 
 static void lay_out(palp_impose *p, const palp_tets *t, palp_arena *a) {
-    p->spot = palp_take(a, p->max_spots, sizeof *p->spot);
+    p->point = palp_take(a, p->max_points, sizeof *p->point);
     p->pressed = palp_take(a, t->meta->skin, 1);
 }
 
-size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_spots) {
-    palp_impose p = {.max_spots = max_spots};
+size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_points) {
+    palp_impose p = {.max_points = max_points};
     palp_arena a = {NULL, 0};
     lay_out(&p, tets, &a);
     return a.used;
@@ -35,15 +35,15 @@ static float extent(const palp_tool *t) {
 
 palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *adapt,
                              const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
-                             uint32_t max_spots, void *memory, size_t bytes) {
+                             uint32_t max_points, void *memory, size_t bytes) {
     palp_impose p = {.dyna = dyna,
                      .adapt = adapt,
                      .tools = tools,
                      .tool_count = tool_count,
-                     .max_spots = max_spots};
+                     .max_points = max_points};
     palp_arena a = {memory, 0};
-    if (tool_count == 0u || tool_count > PALP_CONTACT_TOOLS || max_spots == 0u ||
-        max_spots > PALP_MAX_NODES)
+    if (tool_count == 0u || tool_count > PALP_CONTACT_TOOLS || max_points == 0u ||
+        max_points > PALP_MAX_NODES)
         return PALP_ERR_ARGUMENT;
     for (uint32_t t = 0; t < tool_count; t++) {
         if (!palp_tool_is_sound(&tools[t]) || !palp_vec3_is_finite(at_m[t]))
@@ -53,7 +53,7 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
         p.from_m[t] = p.to_m[t] = at_m[t];
     }
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_impose_memsize(dyna->tets, max_spots) > bytes)
+    if (memory == NULL || palp_impose_memsize(dyna->tets, max_points) > bytes)
         return PALP_ERR_MEMORY;
     lay_out(&p, dyna->tets, &a);
     for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) p.pressed[i] = 0;
@@ -61,10 +61,10 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
     return PALP_OK;
 }
 
-/* ---- spots ---- */
+/* ---- points ---- */
 
-/* What moving the vertex means for the nodes that it hangs on. */
-static void hang(const palp_dyna *d, palp_imposed *s) {
+/* What moving the vertex means for the nodes that it is embedded in. */
+static void embed(const palp_dyna *d, palp_imposed *s) {
     const palp_tets *t = d->tets;
     size_t at = (size_t)s->skin * t->meta->levels + d->skin_level[s->skin];
     float sum = 0.0f;
@@ -79,52 +79,52 @@ static void hang(const palp_dyna *d, palp_imposed *s) {
     s->per_w2 = sum > TOO_LITTLE ? 1.0f / sum : 0.0f;
 }
 
-/* The deepest max_spots vertices stay. */
+/* The deepest max_points vertices stay. */
 static void keep(palp_impose *p, const palp_imposed *s) {
-    if (p->count < p->max_spots) {
-        p->spot[p->count++] = *s;
+    if (p->count < p->max_points) {
+        p->point[p->count++] = *s;
         return;
     }
     uint32_t shallowest = 0;
     p->overflow++;
     for (uint32_t i = 1; i < p->count; i++) {
-        if (p->spot[i].depth_m < p->spot[shallowest].depth_m) shallowest = i;
+        if (p->point[i].depth_m < p->point[shallowest].depth_m) shallowest = i;
     }
-    if (s->depth_m > p->spot[shallowest].depth_m) p->spot[shallowest] = *s;
+    if (s->depth_m > p->point[shallowest].depth_m) p->point[shallowest] = *s;
 }
 
-/* One of PALP_IMPOSE_LOOKS max_spots. */
-static void look_closely(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float margin) {
+/* One of PALP_IMPOSE_NARROW_TESTS max_points. */
+static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float margin) {
     palp_imposed s = {.skin = skin, .tool = tool, .n = palp_skin_normal(p->dyna, skin)};
     palp_touch at = palp_tool_at(&p->tools[tool], p->to_m[tool], x, s.n);
     bool before = (p->pressed[skin] >> tool & 1u) != 0u;
     if (at.reach > 1.0f || at.depth_m < -2.0f * margin) return;
     if (at.facing < (before ? 0.0f : FACING)) return;
-    hang(p->dyna, &s);
+    embed(p->dyna, &s);
     s.depth_m = at.depth_m;
     if (s.per_w2 > 0.0f) keep(p, &s);
 }
 
-static void look_at(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
+static void broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
     float away = palp_norm(palp_sub(x, p->to_m[tool])) - p->reach_m[tool];
     float size = p->size_m[tool];
     if (away > HOLD * size + path_m) return;
     if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
     float margin = MARGIN * size + path_m + PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
     if (away > margin) return;
-    if (p->looks == 0u) {
+    if (p->narrow_tests == 0u) {
         p->overflow++;
         return;
     }
-    p->looks--;
-    look_closely(p, skin, tool, x, margin);
+    p->narrow_tests--;
+    narrow_phase(p, skin, tool, x, margin);
 }
 
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
     palp_impose *p = impose;
     float path_m[PALP_CONTACT_TOOLS] = {0.0f};
     p->count = 0;
-    p->looks = PALP_IMPOSE_LOOKS * p->max_spots;
+    p->narrow_tests = PALP_IMPOSE_NARROW_TESTS * p->max_points;
     for (uint32_t t = 0; t < p->tool_count; t++) {
         p->from_m[t] = p->to_m[t];
         palp_vec3 path = palp_sub(to_m[t], p->from_m[t]);
@@ -141,15 +141,15 @@ void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
         p->impulse_Ns[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
     }
     for (uint32_t i = 0; i < p->dyna->tets->meta->skin; i++) {
-        palp_vec3 x = palp_skin_place(p->dyna, i);
-        for (uint32_t t = 0; t < p->tool_count; t++) look_at(p, i, t, x, path_m[t]);
+        palp_vec3 x = palp_skin_position(p->dyna, i);
+        for (uint32_t t = 0; t < p->tool_count; t++) broad_phase(p, i, t, x, path_m[t]);
         p->pressed[i] = 0;
     }
 }
 
 /* ---- steps ---- */
 
-/* Moves the nodes of a spot by -n delta, takes the speed `rate` along n from them, and hands their
+/* Moves the nodes of a point by -n delta, takes the speed `rate` along n from them, and hands their
  * push along n over; returns it (N s). */
 static float yield(palp_dyna *d, const palp_imposed *s, float delta, float rate) {
     float push = 0.0f;
@@ -203,7 +203,7 @@ void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps) {
     const float most_m = PALP_IMPOSE_SPEED * p->dyna->config.tick_s / (float)steps;
     p->inside = 0;
     for (uint32_t i = 0; i < p->count; i++)
-        press(p, &p->spot[i], at[p->spot[i].tool], v[p->spot[i].tool], most_m);
+        press(p, &p->point[i], at[p->point[i].tool], v[p->point[i].tool], most_m);
 }
 
 void palp_impose_end(palp_impose *impose, palp_vec3 *force_N) {

@@ -3,10 +3,10 @@
  * Tools that touch a dynamic body: motion is imposed and forces are handed back (AD 4.2).
  *
  * Skin vertices inside a tool are moved out along their normals, and with them the active nodes
- * that they hang on; what the elements push those nodes with goes to the tool instead, at every
- * step. Vertices are taken one after the other, each seeing what the ones before it have left, so
- * that a node that several vertices hang on is not counted twice. Contact only pushes, without
- * friction.
+ * that they are embedded in; what the elements push those nodes with goes to the tool instead, at
+ * every step. Vertices are taken one after the other, each seeing what the ones before it have
+ * left, so that a node shared by several vertices is not counted twice. Contact only pushes,
+ * without friction.
  *
  * A tool goes straight from where it was to where its device is in the course of a tick, no faster
  * than PALP_IMPOSE_SPEED: a reading that jumps does not shoot through the body. Nor does a vertex
@@ -20,8 +20,8 @@
 #include "core/contact/contact.h"
 #include "core/contact/tool.h"
 
-#define PALP_IMPOSE_SPEED 2.0f /* m/s */
-#define PALP_IMPOSE_LOOKS 8u   /* close looks per tick, times max_spots */
+#define PALP_IMPOSE_SPEED 2.0f      /* m/s */
+#define PALP_IMPOSE_NARROW_TESTS 8u /* narrow-phase tests per tick, times max_points */
 
 typedef struct {
     uint32_t skin, tool;
@@ -37,31 +37,31 @@ typedef struct {
     palp_dyna *dyna;
     palp_adapt *adapt; /* NULL: nothing is held */
     const palp_tool *tools;
-    uint32_t tool_count, max_spots, count;
-    palp_imposed *spot;
+    uint32_t tool_count, max_points, count;
+    palp_imposed *point;
     uint8_t *pressed; /* [skin] bit per tool: was inside in this tick or the last */
     float reach_m[PALP_CONTACT_TOOLS], size_m[PALP_CONTACT_TOOLS];
     palp_vec3 from_m[PALP_CONTACT_TOOLS], to_m[PALP_CONTACT_TOOLS];
     palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS]; /* on the tools, in this tick */
-    uint32_t looks;                           /* close looks left in this tick */
-    uint32_t inside;                          /* spots that were moved in the last step */
-    uint64_t overflow;                        /* vertices that found no spot, so far */
+    uint32_t narrow_tests;                    /* narrow-phase tests left in this tick */
+    uint32_t inside;                          /* points that were moved in the last step */
+    uint64_t overflow; /* vertices that had no room among the points, so far */
 } palp_impose;
 
-size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_spots);
+size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_points);
 
 /* Tools are kept by reference; they begin at at_m. Errors: ARGUMENT (an unsound tool, none or too
- * many, no spots), ALIGNMENT, MEMORY. */
+ * many, no points), ALIGNMENT, MEMORY. */
 palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *adapt,
                              const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
-                             uint32_t max_spots, void *memory, size_t bytes);
+                             uint32_t max_points, void *memory, size_t bytes);
 
 /* Tools are to be at to_m[tool_count] at the end of this tick. Vertices near a tool beyond the
- * close looks there are, or the spots, are counted in overflow. Cost: 40 per skin vertex, 60 more
- * per tool, 260 + max_spots per close look. */
+ * narrow-phase tests there are, or the points, are counted in overflow. Cost: 40 per skin vertex,
+ * 60 more per tool, 260 + max_points per narrow-phase test. */
 void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m);
 
-/* After palp_dyna_move in step s of `steps`. Cost: 100 per spot, and the tool's. */
+/* After palp_dyna_move in step s of `steps`. Cost: 100 per point, and the tool's. */
 void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps);
 
 /* After the last step: force on each tool, the mean over the tick. */

@@ -23,7 +23,7 @@
 #define WIDER 0.01f    /* and less in a filling that has room for all */
 #define FEET 4u        /* steps towards the nearest point of the surface */
 #define WANTED 0xfffeu /* in the table: a place not looked at yet whose point is to be kept */
-#define PLACE_MOST 16000  /* largest place in a lattice */
+#define SITE_MOST 16000   /* largest place in a lattice */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
 
 bool palp_lattice_is_central(const palp_tool *tool) { return tool->balls == 1u; }
@@ -68,7 +68,7 @@ static palp_vec3 turned_in(const palp_lattice_room *r, uint32_t body, palp_vec3 
     return r->frame != NULL ? palp_rotate_back(frame_of(r, body)->r, v) : v;
 }
 
-static palp_vec3 place_of(const palp_lattice_room *r, const palp_surface_point *at) {
+static palp_vec3 world_of(const palp_lattice_room *r, const palp_surface_point *at) {
     return out_of(r, at->body, at->y);
 }
 
@@ -115,12 +115,12 @@ typedef struct {
     const palp_lattice_room *r;
     palp_vec3 moved_m; /* the tool's reference point, seen from the moved surface */
     bool central;
-    uint32_t first;                            /* points of this tool begin here */
-    uint32_t looks, crossings, rings, feet;    /* left in this filling */
-    bool full;                                 /* places were left out */
-    bool crowded;                              /* and nodes that say how zones are bent */
-    uint32_t regions, end[PALP_LATTICE_SEEDS]; /* points of each region end here */
-    float far_m;                               /* gap up to which displacements far away matter */
+    uint32_t first;                              /* points of this tool begin here */
+    uint32_t shots_left, crossings, rings, feet; /* left in this filling */
+    bool full;                                   /* places were left out */
+    bool crowded;                                /* and nodes that say how zones are bent */
+    uint32_t regions, end[PALP_LATTICE_SEEDS];   /* points of each region end here */
+    float far_m;                                 /* gap up to which displacements far away matter */
     float unsure_m;       /* gap up to which points there are kept: they may carry force */
     float gap_m, area_m2; /* of measure_node */
     palp_surface_point deepest;
@@ -131,7 +131,7 @@ typedef struct {
 static palp_vec3 beside(const filling *f, palp_vec3 y, float *gone) {
     const palp_lattice *l = f->l;
     float least = 1e30f;
-    palp_vec3 u = palp_given_beside(&l->at.given, y, gone), far = {0};
+    palp_vec3 u = palp_far_field_beside(&l->at.given, y, gone), far = {0};
     if (!(*gone > 0.0f)) return u;
     for (uint32_t k = 0; k < l->watched; k++) {
         palp_vec3 d = palp_sub(y, l->watch[k].x_m);
@@ -225,7 +225,7 @@ static bool shoot(filling *f, float a, float b, bool pressed, palp_contact_point
     f->r->done->shots++;
     if (!enter(f, from, p->direction, &p->at)) return false;
     p->q = out_of(f->r, p->at.body, p->at.q);
-    p->y = place_of(f->r, &p->at);
+    p->y = world_of(f->r, &p->at);
     p->n = normal_of(f->r, &p->at);
     p->shot_m = palp_dot(palp_sub(p->q, from), p->direction);
     p->facing = -palp_dot(p->n, p->direction);
@@ -246,14 +246,14 @@ static bool shoot(filling *f, float a, float b, bool pressed, palp_contact_point
 static void look(filling *f, int32_t i, int32_t j, const palp_surface_point *near) {
     const uint32_t body = near->body, triangle = near->triangle; /* which may be overwritten */
     const palp_lattice_room *r = f->r;
-    if (i < -PLACE_MOST || i > PLACE_MOST || j < -PLACE_MOST || j > PLACE_MOST) return;
+    if (i < -SITE_MOST || i > SITE_MOST || j < -SITE_MOST || j > SITE_MOST) return;
     uint32_t key = key_of(i, j), slot = slot_of(r->table, key);
     const bool known = r->table->key[slot] == key;
     const bool pressed = known && r->table->point[slot] == WANTED;
     if (known && !pressed) return;
-    f->full = f->full || f->looks == 0u;
-    if (f->looks == 0u) return;
-    f->looks--;
+    f->full = f->full || f->shots_left == 0u;
+    if (f->shots_left == 0u) return;
+    f->shots_left--;
     r->table->key[slot] = key;
     r->table->point[slot] = PALP_LATTICE_MISS;
     palp_contact_point *p = &r->point[*r->count];
@@ -277,23 +277,23 @@ static void look(filling *f, int32_t i, int32_t j, const palp_surface_point *nea
 }
 
 /* The place of the lattice next to a point of the surface; false if there is none. */
-static bool nearest_place(const filling *f, palp_vec3 y, int32_t place[2]) {
+static bool nearest_site(const filling *f, palp_vec3 y, int32_t site[2]) {
     float a, b;
     if (!map(f, y, &a, &b)) return false;
     float row = b / (f->l->at.spacing * PALP_LATTICE_CELL);
-    if (!(palp_abs(row) < (float)PLACE_MOST)) return false; /* or not a number */
-    place[1] = (int32_t)(row + (row >= 0.0f ? 0.5f : -0.5f));
-    float column = a / f->l->at.spacing - 0.5f * (float)place[1];
-    if (!(palp_abs(column) < (float)PLACE_MOST)) return false;
-    place[0] = (int32_t)(column + (column >= 0.0f ? 0.5f : -0.5f));
+    if (!(palp_abs(row) < (float)SITE_MOST)) return false; /* or not a number */
+    site[1] = (int32_t)(row + (row >= 0.0f ? 0.5f : -0.5f));
+    float column = a / f->l->at.spacing - 0.5f * (float)site[1];
+    if (!(palp_abs(column) < (float)SITE_MOST)) return false;
+    site[0] = (int32_t)(column + (column >= 0.0f ? 0.5f : -0.5f));
     return true;
 }
 
 /* Whether the lattice has looked at the place next to a point of the surface, or cannot. */
 static bool is_known(const filling *f, palp_vec3 y) {
-    int32_t place[2];
-    if (!nearest_place(f, y, place)) return true;
-    uint32_t key = key_of(place[0], place[1]), slot = slot_of(f->r->table, key);
+    int32_t site[2];
+    if (!nearest_site(f, y, site)) return true;
+    uint32_t key = key_of(site[0], site[1]), slot = slot_of(f->r->table, key);
     return f->r->table->key[slot] == key && f->r->table->point[slot] != WANTED;
 }
 
@@ -304,12 +304,12 @@ static void want_pressed(const filling *f) {
     uint32_t left = PALP_LATTICE_WANTED(r->most);
     for (uint32_t k = 0; k < r->count_before && left > 0u; k++) {
         const palp_contact_point *p = &r->before[k];
-        int32_t place[2];
+        int32_t site[2];
         if (p->patch != r->number || !(p->force_N > 0.0f)) continue;
         left--;
         r->done->evaluations++; /* it costs less */
-        if (!nearest_place(f, place_of(r, &p->at), place)) continue;
-        uint32_t key = key_of(place[0], place[1]), slot = slot_of(r->table, key);
+        if (!nearest_site(f, world_of(r, &p->at), site)) continue;
+        uint32_t key = key_of(site[0], site[1]), slot = slot_of(r->table, key);
         r->table->key[slot] = key;
         r->table->point[slot] = WANTED;
     }
@@ -319,9 +319,9 @@ static void want_pressed(const filling *f) {
 static bool flood(filling *f, const palp_surface_point *seed) {
     static const int32_t step[6][2] = {{1, 0}, {0, 1}, {-1, 1}, {-1, 0}, {0, -1}, {1, -1}};
     uint32_t before = *f->r->count;
-    int32_t place[2];
-    if (!nearest_place(f, place_of(f->r, seed), place)) return false;
-    look(f, place[0], place[1], seed);
+    int32_t site[2];
+    if (!nearest_site(f, world_of(f->r, seed), site)) return false;
+    look(f, site[0], site[1], seed);
     /* at most the room */
     for (uint32_t k = before; k < *f->r->count; k++) {
         const int32_t at[2] = {f->r->point[k].i, f->r->point[k].j};
@@ -380,17 +380,17 @@ static bool find_foot(filling *f, uint32_t node, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
     if (f->feet == 0u) return false;
     f->feet--;
-    palp_gap least = gap_of(f, place_of(r, p));
+    palp_gap least = gap_of(f, world_of(r, p));
     palp_vec3 best = least.normal, way = best;
     palp_surface_point trial = *p;
     if (f->central)
-        way = best = way_to_edges(f, p->body, node, foot_from(f, place_of(r, p), least));
+        way = best = way_to_edges(f, p->body, node, foot_from(f, world_of(r, p), least));
     bool met = false;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_vec3 at = foot_from(f, place_of(r, p), least);
+        palp_vec3 at = foot_from(f, world_of(r, p), least);
         r->done->shots++;
         if (!enter(f, at, way, &trial)) break;
-        palp_gap gap = gap_of(f, place_of(r, &trial));
+        palp_gap gap = gap_of(f, world_of(r, &trial));
         if (gap.gap_m < least.gap_m || !met) {
             best = way;
             least = gap;
@@ -447,7 +447,7 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
     return palp_tool_extent(tool) + MARGIN * blob->meta->mean_edge_m;
 }
 
-/* Before there is a lattice: the deepest place, and the area that nodes see overlapped. */
+/* Before there is a lattice: the deepest site, and the area that nodes see overlapped. */
 static void measure_node(filling *f, uint32_t body, uint32_t node, float gap_m) {
     const palp_surface *surface = surface_of(f->r, body);
     if (gap_m < 0.0f) f->area_m2 += surface->blob->area_m2[node];
@@ -455,7 +455,7 @@ static void measure_node(filling *f, uint32_t body, uint32_t node, float gap_m) 
     palp_surface_point p = palp_lattice_at_node(surface, body, node), foot = p;
     float least = gap_m;
     if (find_foot(f, node, &foot)) {
-        float gap = gap_of(f, place_of(f->r, &foot)).gap_m;
+        float gap = gap_of(f, world_of(f->r, &foot)).gap_m;
         if (gap < least) p = foot;
         least = palp_min(gap, least);
     }
@@ -468,13 +468,13 @@ static void measure_node(filling *f, uint32_t body, uint32_t node, float gap_m) 
 static void seek_region(filling *f, uint32_t body, uint32_t node, float gap_m) {
     palp_surface_point p = palp_lattice_at_node(surface_of(f->r, body), body, node);
     if (gap_m < 0.0f) {
-        if (is_known(f, place_of(f->r, &p))) return;
+        if (is_known(f, world_of(f->r, &p))) return;
         (void)fill_region(f, &p);
         return;
     }
     if (!is_deepest(f, body, node, gap_m)) return;
-    if (!find_foot(f, node, &p) || is_known(f, place_of(f->r, &p))) return;
-    if (gap_of(f, place_of(f->r, &p)).gap_m >= 0.0f) return;
+    if (!find_foot(f, node, &p) || is_known(f, world_of(f->r, &p))) return;
+    if (gap_of(f, world_of(f->r, &p)).gap_m >= 0.0f) return;
     (void)fill_region(f, &p);
 }
 
@@ -513,7 +513,7 @@ static void start_filling(filling *f, palp_lattice *l, const palp_lattice_room *
                    .moved_m = moved,
                    .central = is_central(r),
                    .first = first,
-                   .looks = PALP_LATTICE_LOOKS(r->most),
+                   .shots_left = PALP_LATTICE_SHOTS(r->most),
                    .crossings = crossings_of(r),
                    .rings = PALP_LATTICE_RINGS(r->most),
                    .feet = PALP_LATTICE_FEET(r->most),
@@ -530,7 +530,7 @@ typedef struct {
     uint32_t count;
 } watch_list;
 
-static void offer(watch_list *list, const palp_given *given, palp_lattice_watch w) {
+static void offer(watch_list *list, const palp_far_field *given, palp_lattice_watch w) {
     uint32_t in = list->count, farthest = 0;
     palp_vec3 d = palp_sub(w.x_m, given->at_m);
     if (!(palp_dot(d, d) * given->fade > 1.0f)) return;
@@ -548,16 +548,17 @@ static void offer(watch_list *list, const palp_given *given, palp_lattice_watch 
 typedef enum { MEASURE, SEEK } purpose;
 
 /* How a node of a zone is bent, the more the nearer it is to the tool. */
-static void add_bent(filling *f, palp_given_sums *sums, uint32_t body, uint32_t node, palp_vec3 v,
-                     float far) {
+static void add_bent(filling *f, palp_far_field_sums *sums, uint32_t body, uint32_t node,
+                     palp_vec3 v, float far) {
     const palp_lattice_room *r = f->r;
     if (r->done->bent == PALP_LATTICE_BENT) {
         f->crowded = true;
         return;
     }
     r->done->bent++;
-    palp_given_add(sums, (1.0f - far) * (1.0f - far) + 1e-3f, v,
-                   turned_out(r, body, palp_surface_bent(surface_of(r, body), node)), r->size_m);
+    palp_far_field_add(sums, (1.0f - far) * (1.0f - far) + 1e-3f, v,
+                       turned_out(r, body, palp_surface_bent(surface_of(r, body), node)),
+                       r->size_m);
 }
 
 /* What a visit of nodes finds besides. */
@@ -566,7 +567,7 @@ typedef struct {
     palp_vec3 c;         /* about which nodes are looked at */
     float bent_within_m; /* gap up to which a node says how its zone is bent */
     watch_list next;
-    palp_given_sums bent;
+    palp_far_field_sums bent;
 } visit;
 
 static void visit_node(filling *f, visit *v, uint32_t body, uint32_t node) {
@@ -622,7 +623,7 @@ static void visit_nodes(filling *f, purpose of) {
             visit_body(f, &v, body);
     }
     if (of == MEASURE) {
-        f->l->bent = palp_given_fit(&v.bent, v.c);
+        f->l->bent = palp_far_field_fit(&v.bent, v.c);
         f->l->narrowed = f->crowded ? f->l->narrowed + NARROWER * (1.0f - f->l->narrowed)
                                     : palp_max(f->l->narrowed - WIDER, 0.0f);
     }
@@ -676,7 +677,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     if (!(a.gap_m < 0.0f)) return false;
     float size = r->size_m, depth = -a.gap_m;
     palp_vec3 c = palp_add(a.moved_m, center_of(r));
-    const palp_vec3 deepest = place_of(r, &a.deepest);
+    const palp_vec3 deepest = world_of(r, &a.deepest);
     palp_gap gap = gap_of(&a, deepest);
     if (is_central(r)) {
         set_axis(l, palp_sub(deepest, c));
@@ -700,7 +701,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     return true;
 }
 
-void palp_lattice_look_at(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m) {
+void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m) {
     palp_lattice *l = lattice;
     *l = (palp_lattice){.placed = false};
     set_axis(l, axis);
@@ -761,7 +762,7 @@ static float following(float length) {
 
 /* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
  */
-static bool follow(palp_lattice *l, const palp_lattice_room *r, const filling *f) {
+static bool track(palp_lattice *l, const palp_lattice_room *r, const filling *f) {
     float weight = 0.0f, square = 0.0f, cells = 0.0f, deepest = 0.0f;
     palp_vec3 aside = {0}, out = {0};
     for (uint32_t k = f->first; k < *r->count; k++) {
@@ -834,7 +835,7 @@ static void fill(filling *f, palp_lattice *l, const palp_lattice_room *r, uint32
     }
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];
-        if (p->patch == r->number && p->active && !is_known(f, place_of(r, &p->at)))
+        if (p->patch == r->number && p->active && !is_known(f, world_of(r, &p->at)))
             (void)fill_region(f, &p->at);
     }
     visit_nodes(f, SEEK);
@@ -850,7 +851,7 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
     fill(&f, l, room, first);
     l->placed = *room->count > first;
     if (!l->placed) return PALP_LATTICE_MOVED; /* gone, or overtaken */
-    bool moved = follow(l, room, &f);
+    bool moved = track(l, room, &f);
     return (f.full ? PALP_LATTICE_FULL : 0u) | (f.crossings == 0u ? PALP_LATTICE_LOST : 0u) |
            (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

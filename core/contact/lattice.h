@@ -26,7 +26,7 @@
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
 
-#include "core/contact/given.h"
+#include "core/contact/far_field.h"
 #include "core/contact/tool.h"
 #include "core/surface/surface.h"
 
@@ -37,7 +37,7 @@
 #define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
 #define PALP_LATTICE_FILLINGS 4u /* of a tick at most, its beginning among them */
 /* What one filling does at most, with room for so many points. */
-#define PALP_LATTICE_LOOKS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
+#define PALP_LATTICE_SHOTS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
 #define PALP_LATTICE_CROSSINGS(room) (5u * (room) + 180u) /* triangles crossed by all shots */
 #define PALP_LATTICE_BETWEEN 3u                           /* times as many between two bodies */
 #define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
@@ -80,9 +80,9 @@ typedef struct {
 typedef struct {
     palp_vec3 axis, tangent[2]; /* orthonormal */
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
-    float back_m;     /* from how far behind a sphere's centre its shots come, along -axis */
-    float spacing;    /* rad for a sphere, else m */
-    palp_given given; /* by the body as a whole */
+    float back_m;         /* from how far behind a sphere's centre its shots come, along -axis */
+    float spacing;        /* rad for a sphere, else m */
+    palp_far_field given; /* by the body as a whole */
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
 } palp_lattice_state;
 
@@ -105,9 +105,9 @@ typedef struct {
     palp_lattice_watch watch[PALP_LATTICE_WATCHED];
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
-    palp_given bent; /* how nodes around the tool are bent, found while there is no lattice */
-    float narrowed;  /* share of the tool's size that is not looked at for it: too many nodes */
-    uint32_t facing; /* triangle of the other body that was met last */
+    palp_far_field bent; /* how nodes around the tool are bent, found while there is no lattice */
+    float narrowed;      /* share of the tool's size that is not looked at for it: too many nodes */
+    uint32_t facing;     /* triangle of the other body that was met last */
 } palp_lattice;
 
 /* What fillings did: tables begun, nodes and rows of cells looked at, gaps of the tool evaluated,
@@ -132,7 +132,7 @@ typedef struct {
     uint32_t number;           /* of the patch */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
-    palp_given given;          /* by the body as a whole, as foreseen, and as it is bent */
+    palp_far_field given;      /* by the body as a whole, as foreseen, and as it is bent */
     const float *load;         /* [far_modes] of the modes, in the last tick */
     uint32_t far_modes;        /* PALP_LATTICE_FAR_MODES, or all that there are */
     float share;               /* of what they displace by, as foreseen */
@@ -159,7 +159,7 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
 
 /* The next filling looks for where two bodies overlap, about the reference point displaced by
  * given_m and along `axis`. */
-void palp_lattice_look_at(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m);
+void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m);
 
 /* The point at a node of one of several bodies. */
 palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node);

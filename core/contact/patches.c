@@ -231,9 +231,10 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     const float edge = s->blob->meta->mean_edge_m;
     p->met_m = at.y;
     p->tool_m = palp_carry(here, at.y);
-    p->bent = (palp_given){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
+    p->bent =
+        (palp_far_field){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
-    palp_lattice_look_at(&p->lattice, e->axis, e->bent_m);
+    palp_lattice_aim(&p->lattice, e->axis, e->bent_m);
 }
 
 /* The node, or a neighbour of it, that is nearest to x; bones and seams are passed over. */
@@ -288,9 +289,9 @@ static void draw_near(palp_contact *c, uint32_t first, uint32_t second, uint32_t
 }
 
 /* Follows the nearest nodes of the next pairs of zones in turn. */
-static void follow_closest(palp_contact *c) {
+static void track_closest(palp_contact *c) {
     const uint32_t pairs = c->bodies * (c->bodies - 1u) / 2u;
-    uint32_t n = PALP_CONTACT_FOLLOWED < pairs ? PALP_CONTACT_FOLLOWED : pairs;
+    uint32_t n = PALP_CONTACT_TRACKED < pairs ? PALP_CONTACT_TRACKED : pairs;
     for (; n > 0u; n--) {
         c->pair_scan = c->pair_scan + 1u < pairs ? c->pair_scan + 1u : 0u;
         uint32_t a = 1, first = 0;
@@ -319,7 +320,7 @@ static void meet_zones(palp_contact *c) {
         const palp_vec3 there = palp_add(p->tool_m, p->lattice.at.origin_m);
         p->before = step_towards(c, p->other, p->before, there);
     }
-    follow_closest(c);
+    track_closest(c);
     uint32_t body = 0;
     for (uint32_t k = 0; k < PALP_CONTACT_SCAN; k++) {
         c->scan = c->scan + 1u < z->nodes ? c->scan + 1u : 0u;

@@ -178,7 +178,7 @@ static void measure(const palp_contact *c, uint32_t tool, uint32_t number,
     centre = palp_scale(over, centre);
     region->normal_N = sum;
     region->centre_m = centre;
-    region->spread_m2 = palp_max(square * over - palp_dot(centre, centre), 0.0f);
+    region->gyration_m2 = palp_max(square * over - palp_dot(centre, centre), 0.0f);
     region->axis = palp_scale(1.0f / palp_max(palp_norm(push), 1e-30f), push);
     palp_tangents(region->axis, region->tangent);
 }

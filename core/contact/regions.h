@@ -19,7 +19,7 @@ typedef struct {
     palp_vec3 tangent[2]; /* orthonormal with it */
     palp_vec3 centre_m;   /* from the tool's reference point; by the forces */
     float normal_N;       /* sum lambda */
-    float spread_m2;      /* mean square of the distance from the centre, by the forces */
+    float gyration_m2;    /* mean square of the distance from the centre, by the forces */
     float shear_Pa;       /* G of the body that carries the most */
     uint32_t parents;     /* bits: the regions of before that go on in it */
 } palp_contact_region;
@@ -32,7 +32,7 @@ uint32_t palp_contact_regions(palp_contact *contact, uint32_t tool,
 
 /* Square of the radius that it has (m^2), as that of a Hertz contact. */
 static inline float palp_contact_reach2(const palp_contact_region *region) {
-    return 2.5f * region->spread_m2;
+    return 2.5f * region->gyration_m2;
 }
 
 #endif

@@ -79,7 +79,7 @@ static void lay_depths(palp_springs *s, float grows) {
 }
 
 /* The load has changed: what comes in touch is not stretched, what loses it forgets. */
-static void follow_load(palp_springs *s, float root) {
+static void adapt_to_load(palp_springs *s, float root) {
     palp_springs now = *s;
     now.root = root;
     now.kept = palp_min(s->kept, root);
@@ -112,7 +112,7 @@ void palp_springs_press(palp_springs *springs, float z) {
         s->top_m = top;
         root = LAID;
     }
-    follow_load(s, root);
+    adapt_to_load(s, root);
 }
 
 /* ---- a solution ---- */

@@ -15,7 +15,7 @@ bool palp_device_is_sound(const palp_device *d) {
                  is_positive(d->workspace_radius_m) && is_positive(d->stiffness_max_N_per_m) &&
                  palp_is_finite(d->damping_max_Ns_per_m) && palp_is_finite(d->damping_Ns_per_m) &&
                  d->damping_max_Ns_per_m >= 0.0f && d->damping_Ns_per_m >= 0.0f &&
-                 palp_vec3_is_finite(d->compensation.lift_N);
+                 palp_vec3_is_finite(d->compensation.gravity_compensation_N);
     uint32_t most = d->drives.protocol == PALP_PROTOCOL_CIA402 ? 126u
                     : d->drives.protocol == PALP_PROTOCOL_MIT  ? 15u
                                                                : 63u;
@@ -65,10 +65,10 @@ float palp_device_joint_speed(const palp_device *device) {
 }
 
 void palp_device_compensate(const palp_device *device, const palp_pose *pose,
-                            const float dq_rad_s[PALP_AXES], float lift_Nm[PALP_AXES],
+                            const float dq_rad_s[PALP_AXES], float gravity_Nm[PALP_AXES],
                             float friction_Nm[PALP_AXES]) {
     const palp_compensation *c = &device->compensation;
-    palp_pose_torques(pose, c->lift_N, lift_Nm);
+    palp_pose_torques(pose, c->gravity_compensation_N, gravity_Nm);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         float direction = palp_clamp(dq_rad_s[i] / FRICTION_SPEED_RAD_S, -1.0f, 1.0f);
         friction_Nm[i] = c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];

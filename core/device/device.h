@@ -11,7 +11,7 @@
  * An integrator's own model comes in through the feed-forward of a tick.
  */
 typedef struct {
-    palp_vec3 lift_N; /* force at the tip that holds it up */
+    palp_vec3 gravity_compensation_N; /* force at the tip that holds it up */
     float coulomb_Nm[PALP_AXES],
         viscous_Nms[PALP_AXES]; /* at the joints; less than the true ones */
 } palp_compensation;
@@ -58,7 +58,7 @@ float palp_device_joint_speed(const palp_device *device);
 /* Joint torques that hold the mechanism up, and that follow its friction, at a pose and joint
  * velocities. */
 void palp_device_compensate(const palp_device *device, const palp_pose *pose,
-                            const float dq_rad_s[PALP_AXES], float lift_Nm[PALP_AXES],
+                            const float dq_rad_s[PALP_AXES], float gravity_Nm[PALP_AXES],
                             float friction_Nm[PALP_AXES]);
 
 #endif

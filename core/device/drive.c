@@ -63,8 +63,8 @@ static palp_can_frame odrive_frame(const palp_drive *d, palp_odrive_message m) {
 
 /* Zero torque but in TORQUE, so that no old set-point acts, whatever state the drive was found in.
  */
-static uint32_t odrive_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
-                            float torque, palp_can_frame *out) {
+static uint32_t odrive_send(const palp_drive *d, const palp_drive_config *c,
+                            palp_drive_request request, float torque, palp_can_frame *out) {
     const palp_odrive_message mode = {.command = PALP_ODRIVE_SET_CONTROLLER_MODE,
                                       .control_mode = PALP_ODRIVE_TORQUE_CONTROL,
                                       .input_mode = PALP_ODRIVE_PASSTHROUGH};
@@ -73,18 +73,18 @@ static uint32_t odrive_send(const palp_drive *d, const palp_drive_config *c, pal
                                        .state = PALP_ODRIVE_CLOSED_LOOP};
     const palp_odrive_message idle = {.command = PALP_ODRIVE_SET_AXIS_STATE,
                                       .state = PALP_ODRIVE_IDLE};
-    bool on = demand == PALP_DEMAND_ENABLE || demand == PALP_DEMAND_TORQUE;
-    bool again = d->since_demand % repeat_ticks(c) == 0u;
+    bool on = request == PALP_REQUEST_ENABLE || request == PALP_REQUEST_TORQUE;
+    bool again = d->since_request % repeat_ticks(c) == 0u;
     uint32_t n = 0;
-    if (demand == PALP_DEMAND_ENABLE && again) {
+    if (request == PALP_REQUEST_ENABLE && again) {
         out[n++] = odrive_frame(d, mode);
         /* errors are cleared once: one that comes back is for the operator */
-        if (d->since_demand == 0u) out[n++] = odrive_frame(d, clear);
+        if (d->since_request == 0u) out[n++] = odrive_frame(d, clear);
         out[n++] = odrive_frame(d, close);
         return n;
     }
     /* one that says it is still on is told every few ticks */
-    if (!on && (again || (d->enabled && d->since_demand % IDLE_TICKS == 0u)))
+    if (!on && (again || (d->enabled && d->since_request % IDLE_TICKS == 0u)))
         out[n++] = odrive_frame(d, idle);
     out[n++] = odrive_frame(
         d, (palp_odrive_message){.command = PALP_ODRIVE_SET_INPUT_TORQUE, .torque_Nm = torque});
@@ -103,7 +103,7 @@ static palp_cia402_step cia402_step(const palp_drive *d, const palp_drive_config
 static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, palp_sdo sdo) {
     if (d->step >= PALP_CIA402_STEPS) return heard(d, PALP_RX_STATUS);
     palp_cia402_step step = cia402_step(d, c);
-    bool probing = d->demand == PALP_DEMAND_PROBE;
+    bool probing = d->request == PALP_REQUEST_PROBE;
     if (probing || sdo.index != step.index || sdo.sub != step.sub) return heard(d, PALP_RX_STATUS);
     bool read = step.size == 0u, aborted = sdo.command == PALP_SDO_ABORT;
     bool answered = read ? (sdo.command & 0xe2u) == 0x42u : sdo.command == PALP_SDO_WRITTEN;
@@ -143,7 +143,7 @@ static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
     d->enabled = state == PALP_CIA402_ENABLED;
     if (state == PALP_CIA402_FAULT) {
         if (d->error == PALP_DRIVE_NO_ERROR) d->error = d->statusword;
-    } else if (d->demand == PALP_DEMAND_ENABLE) {
+    } else if (d->request == PALP_REQUEST_ENABLE) {
         d->error = PALP_DRIVE_NO_ERROR; /* the reset has worked */
     }
     if (d->step >= PALP_CIA402_STEPS) d->configured = true;
@@ -161,7 +161,7 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
     }
     if (d->misconfigured || d->waited++ % repeat_ticks(c) != 0u) return 0;
     if (d->tries++ >= SDO_TRIES) {
-        d->error = d->mismatch ? PALP_DRIVE_ERROR_UNFIT : PALP_DRIVE_ERROR_SILENT;
+        d->error = d->mismatch ? PALP_DRIVE_ERROR_MISCONFIGURED : PALP_DRIVE_ERROR_SILENT;
         d->misconfigured = true;
         return 0;
     }
@@ -178,25 +178,25 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
 /* A drive that was left operational takes a controlword and a torque of 0 before it leaves that. */
 static uint32_t cia402_probe(const palp_drive *d, const palp_drive_config *c, palp_can_frame *out) {
     out[0] = palp_rpdo_encode(d->node, 0, 0);
-    if (d->since_demand % repeat_ticks(c) != repeat_ticks(c) / 2u) return 1;
+    if (d->since_request % repeat_ticks(c) != repeat_ticks(c) / 2u) return 1;
     out[1] = palp_nmt_encode(PALP_NMT_PREOPERATIONAL, d->node);
     out[2] = palp_sdo_encode(PALP_COB_SDO_REQUEST + d->node,
                              (palp_sdo){.command = PALP_SDO_READ, .index = 0x6502});
     return 3;
 }
 
-static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
+static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_drive_request request,
                             float torque, palp_can_frame *out) {
     palp_cia402_state state = palp_cia402_state_of(d->statusword);
     uint32_t controlword = 0;
     int32_t thousandths = 0;
-    if (demand == PALP_DEMAND_PROBE) return cia402_probe(d, c, out);
-    if (demand == PALP_DEMAND_CONFIGURE) return cia402_configure(d, c, out);
-    if (demand == PALP_DEMAND_ENABLE) {
+    if (request == PALP_REQUEST_PROBE) return cia402_probe(d, c, out);
+    if (request == PALP_REQUEST_CONFIGURE) return cia402_configure(d, c, out);
+    if (request == PALP_REQUEST_ENABLE) {
         /* one step, or one edge of the fault reset, per four periods: status comes a period late */
-        bool resets = state == PALP_CIA402_FAULT && d->since_demand > RESET_TICKS;
-        controlword = resets ? 0u : palp_cia402_controlword(state, d->since_demand / 4u);
-    } else if (demand == PALP_DEMAND_TORQUE) {
+        bool resets = state == PALP_CIA402_FAULT && d->since_request > RESET_TICKS;
+        controlword = resets ? 0u : palp_cia402_controlword(state, d->since_request / 4u);
+    } else if (request == PALP_REQUEST_TORQUE) {
         controlword = 0x0f;
         thousandths = palp_saturate(1000.0f * torque / c->rated_torque_Nm, INT16_MIN, INT16_MAX);
     }
@@ -219,11 +219,11 @@ static palp_rx_event moteus_receive(palp_drive *d, const palp_can_frame *frame) 
     return estimate(d, a.position_rev, a.velocity_rev_s);
 }
 
-static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
-                            float torque, palp_can_frame *out) {
-    bool on = demand == PALP_DEMAND_ENABLE || demand == PALP_DEMAND_TORQUE;
+static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c,
+                            palp_drive_request request, float torque, palp_can_frame *out) {
+    bool on = request == PALP_REQUEST_ENABLE || request == PALP_REQUEST_TORQUE;
     /* A latched fault or timeout is cleared by a stop before anything else. */
-    if (demand == PALP_DEMAND_ENABLE && d->error != PALP_DRIVE_NO_ERROR) on = false;
+    if (request == PALP_REQUEST_ENABLE && d->error != PALP_DRIVE_NO_ERROR) on = false;
     palp_moteus_command m = {.mode = on ? PALP_MOTEUS_POSITION : PALP_MOTEUS_STOPPED,
                              .torque_Nm = torque,
                              .torque_max_Nm = c->torque_max_Nm,
@@ -241,8 +241,8 @@ static palp_rx_event mit_receive(palp_drive *d, const palp_drive_config *c,
     if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_RX_BAD;
     if (a.node != d->node) return PALP_RX_NONE;
     /* Short answers do not say whether the motor is on: it is when it answers after "enter". */
-    bool on = d->demand == PALP_DEMAND_TORQUE ||
-              (d->demand == PALP_DEMAND_ENABLE && d->since_demand > 2u);
+    bool on = d->request == PALP_REQUEST_TORQUE ||
+              (d->request == PALP_REQUEST_ENABLE && d->since_request > 2u);
     d->enabled = a.has_error ? a.error == 1u : on;
     d->error = a.error > 1u ? a.error : PALP_DRIVE_NO_ERROR;
     d->configured = true;
@@ -250,12 +250,12 @@ static palp_rx_event mit_receive(palp_drive *d, const palp_drive_config *c,
     return estimate(d, a.position_rad / RAD_PER_REV, a.velocity_rad_s / RAD_PER_REV);
 }
 
-static uint32_t mit_send(const palp_drive *d, const palp_drive_config *c, palp_demand demand,
-                         float torque, palp_can_frame *out) {
+static uint32_t mit_send(const palp_drive *d, const palp_drive_config *c,
+                         palp_drive_request request, float torque, palp_can_frame *out) {
     palp_mit_command m = {.kind = PALP_MIT_EXIT, .torque_Nm = torque};
-    if (demand == PALP_DEMAND_TORQUE) m.kind = PALP_MIT_COMMAND;
-    if (demand == PALP_DEMAND_ENABLE)
-        m.kind = d->since_demand % repeat_ticks(c) == 0u ? PALP_MIT_ENTER : PALP_MIT_COMMAND;
+    if (request == PALP_REQUEST_TORQUE) m.kind = PALP_MIT_COMMAND;
+    if (request == PALP_REQUEST_ENABLE)
+        m.kind = d->since_request % repeat_ticks(c) == 0u ? PALP_MIT_ENTER : PALP_MIT_COMMAND;
     out[0] = palp_mit_encode_command(d->node, kind_of(c), &c->range, m);
     return 1;
 }
@@ -281,13 +281,13 @@ static palp_rx_event profile_receive(palp_drive *d, const palp_drive_config *c,
     return verdict == PALP_E2E_OK ? PALP_RX_ESTIMATE : PALP_RX_GAP;
 }
 
-static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_demand demand,
+static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_drive_request request,
                              float torque, palp_can_frame *out) {
     palp_profile_command m = {.mode = PALP_MODE_OFF,
                               .watchdog_ms = (uint32_t)(1000.0f * c->watchdog_s),
                               .torque_Nm = torque};
-    if (demand == PALP_DEMAND_TORQUE) m.mode = PALP_MODE_TORQUE;
-    if (demand == PALP_DEMAND_ENABLE)
+    if (request == PALP_REQUEST_TORQUE) m.mode = PALP_MODE_TORQUE;
+    if (request == PALP_REQUEST_ENABLE)
         m.mode = d->error != PALP_DRIVE_NO_ERROR ? PALP_MODE_CLEAR : PALP_MODE_TORQUE;
     out[0] = palp_profile_encode_command(&d->sent, d->node, c->fd, &m);
     return 1;
@@ -313,37 +313,37 @@ palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *con
 }
 
 static uint32_t send_by_protocol(palp_drive *drive, const palp_drive_config *config,
-                                 palp_demand demand, float torque, palp_can_frame *out) {
+                                 palp_drive_request request, float torque, palp_can_frame *out) {
     switch (config->protocol) {
     case PALP_PROTOCOL_ODRIVE:
-        return odrive_send(drive, config, demand, torque, out);
+        return odrive_send(drive, config, request, torque, out);
     case PALP_PROTOCOL_CIA402:
-        return cia402_send(drive, config, demand, torque, out);
+        return cia402_send(drive, config, request, torque, out);
     case PALP_PROTOCOL_MOTEUS:
-        return moteus_send(drive, config, demand, torque, out);
+        return moteus_send(drive, config, request, torque, out);
     case PALP_PROTOCOL_MIT:
-        return mit_send(drive, config, demand, torque, out);
+        return mit_send(drive, config, request, torque, out);
     case PALP_PROTOCOL_PALP:
-        return profile_send(drive, config, demand, torque, out);
+        return profile_send(drive, config, request, torque, out);
     }
     return 0;
 }
 
-uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config, palp_demand demand,
-                         float torque_Nm, palp_can_frame *out) {
-    if (demand != drive->demand) {
-        drive->demand = demand;
-        drive->since_demand = drive->waited = drive->tries = 0;
-        if (demand == PALP_DEMAND_CONFIGURE)
+uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
+                         palp_drive_request request, float torque_Nm, palp_can_frame *out) {
+    if (request != drive->request) {
+        drive->request = request;
+        drive->since_request = drive->waited = drive->tries = 0;
+        if (request == PALP_REQUEST_CONFIGURE)
             drive->step = 0; /* and all that was set up counts for nothing */
-        if (demand == PALP_DEMAND_CONFIGURE && config->protocol == PALP_PROTOCOL_CIA402)
+        if (request == PALP_REQUEST_CONFIGURE && config->protocol == PALP_PROTOCOL_CIA402)
             drive->configured = false;
     }
-    bool sound = demand == PALP_DEMAND_TORQUE && palp_is_finite(torque_Nm);
+    bool sound = request == PALP_REQUEST_TORQUE && palp_is_finite(torque_Nm);
     float limit = config->torque_max_Nm;
     float torque = sound ? palp_clamp(torque_Nm, -limit, limit) : 0.0f;
-    uint32_t n = send_by_protocol(drive, config, demand, torque, out);
-    if (drive->since_demand < AGE_LIMIT) drive->since_demand++;
+    uint32_t n = send_by_protocol(drive, config, request, torque, out);
+    if (drive->since_request < AGE_LIMIT) drive->since_request++;
     if (drive->status_age < AGE_LIMIT) drive->status_age++;
     return n;
 }

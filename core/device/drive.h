@@ -3,7 +3,7 @@
  * The controller's side of one drive, whatever protocol it speaks: what it was last heard to say,
  * and what to send it next.
  *
- *     demand     ODrive             CiA 402                  moteus      MIT        Palp
+ *     request    ODrive             CiA 402                  moteus      MIT        Palp
  *     PROBE      idle, zero torque  word 0, pre-op, SDO read stop        exit       off
  *     CONFIGURE  idle, zero torque  SDO steps, start, word 0 stop        exit       off
  *     IDLE       idle, zero torque  word 0 (disable voltage) stop        exit       off
@@ -45,12 +45,12 @@ typedef struct {
 } palp_drive_config;
 
 typedef enum {
-    PALP_DEMAND_PROBE,
-    PALP_DEMAND_CONFIGURE,
-    PALP_DEMAND_ENABLE,
-    PALP_DEMAND_TORQUE,
-    PALP_DEMAND_IDLE
-} palp_demand;
+    PALP_REQUEST_PROBE,
+    PALP_REQUEST_CONFIGURE,
+    PALP_REQUEST_ENABLE,
+    PALP_REQUEST_TORQUE,
+    PALP_REQUEST_IDLE
+} palp_drive_request;
 
 /* What a frame was to a drive. */
 typedef enum {
@@ -73,9 +73,9 @@ typedef struct {
     uint32_t status_age; /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
     /* Protocol internals. */
-    uint32_t step, waited, tries, phase, since_demand;
+    uint32_t step, waited, tries, phase, since_request;
     uint32_t statusword;
-    palp_demand demand;
+    palp_drive_request request;
     palp_e2e sent, received;
 } palp_drive;
 
@@ -83,7 +83,8 @@ typedef struct {
 #define PALP_SHARED_FRAMES 2u /* most that go to all of them: SYNC, heartbeat */
 #define PALP_DRIVE_NO_ERROR 0u
 #define PALP_DRIVE_ERROR_SILENT 0xffff0001u /* configuration: no answer */
-#define PALP_DRIVE_ERROR_UNFIT 0xffff0002u  /* configuration: not the drive that is described */
+#define PALP_DRIVE_ERROR_MISCONFIGURED                                                             \
+    0xffff0002u /* configuration: not the drive that is described */
 
 /* Forgets all but the node number: the drive is to be probed anew. */
 void palp_drive_init(palp_drive *drive, uint8_t node);
@@ -94,9 +95,9 @@ palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *con
                                  const palp_can_frame *frame);
 
 /* Called once per tick after receiving: what to send, at most PALP_DRIVE_FRAMES to `out`; returns
- * how many. torque_Nm is used with the demand TORQUE only and is limited to torque_max_Nm. */
-uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config, palp_demand demand,
-                         float torque_Nm, palp_can_frame *out);
+ * how many. torque_Nm is used with the request TORQUE only and is limited to torque_max_Nm. */
+uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
+                         palp_drive_request request, float torque_Nm, palp_can_frame *out);
 
 /* What goes to all drives after that, once per tick: `tick` paces it. */
 uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,

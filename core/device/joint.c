@@ -97,10 +97,10 @@ palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits,
     return PALP_READING_TAKEN;
 }
 
-void palp_joint_place(palp_joint *joint, const palp_joint_limits *limits) {
+void palp_joint_believed(palp_joint *joint, const palp_joint_limits *limits) {
     palp_joint *j = joint;
     if (j->age > 0u) {
-        j->place_rad = palp_clamp(j->expected_rad, limits->min_rad, limits->max_rad);
+        j->believed_rad = palp_clamp(j->expected_rad, limits->min_rad, limits->max_rad);
         return;
     }
     if (j->missed > 0u && j->samples > 1u) {
@@ -108,7 +108,7 @@ void palp_joint_place(palp_joint *joint, const palp_joint_limits *limits) {
         j->approach_rad = palp_abs(j->shift_rad) / (float)(j->missed + 1u);
     }
     j->shift_rad -= palp_clamp(j->shift_rad, -j->approach_rad, j->approach_rad);
-    j->place_rad = j->q_rad + j->shift_rad;
+    j->believed_rad = j->q_rad + j->shift_rad;
 }
 
 void palp_joint_velocity(palp_joint *joint, const palp_joint_limits *limits, float dt_s) {

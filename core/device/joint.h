@@ -40,7 +40,7 @@ typedef struct {
 typedef struct {
     float q_rad, dq_rad_s; /* last believed reading; velocity */
     float certain_rad_s;   /* of it, what the encoder's step leaves no doubt of */
-    float place_rad;       /* where the joint is taken to be */
+    float believed_rad;    /* where the joint is taken to be */
     float shift_rad;       /* of it from the reading, */
     float approach_rad;    /* and by how much that is lessened in a period */
     float expected_rad;    /* of this tick, before its readings */
@@ -69,7 +69,7 @@ palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits,
                              float dt_s);
 
 /* Ends the readings of a tick: where the joint is taken to be. */
-void palp_joint_place(palp_joint *joint, const palp_joint_limits *limits);
+void palp_joint_believed(palp_joint *joint, const palp_joint_limits *limits);
 
 /* Estimates the velocity anew, once all readings of a tick are in. Cost: at most
  * PALP_JOINT_WINDOW^2 / 2 compares. */

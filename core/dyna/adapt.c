@@ -11,7 +11,7 @@ palp_adapt_config palp_adapt_defaults(const palp_tets *tets) {
                                .merge_m = 0.1f * refine_m,
                                .dwell_ticks = 50,
                                .max_changes = 8,
-                               .max_looks = 2000};
+                               .max_element_tests = 2000};
 }
 
 static void lay_out(palp_adapt *s, const palp_tets *t, palp_arena *a) {
@@ -56,8 +56,9 @@ palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt
         for (uint32_t which = 0; which < 2u; which++) {
             uint32_t count;
             const uint32_t *list = members(dyna->tets, f, which, &count);
-            uint32_t looks = elements_around(dyna->tets, list, count);
-            if (looks > s.config.max_looks) s.config.max_looks = looks;
+            uint32_t element_tests = elements_around(dyna->tets, list, count);
+            if (element_tests > s.config.max_element_tests)
+                s.config.max_element_tests = element_tests;
         }
     }
     *adapt = s;
@@ -115,19 +116,19 @@ static void measure(palp_adapt *s) {
 
 /* ---- neighbours ---- */
 
-typedef enum { CLEAR, MET, NO_LOOKS } look;
+typedef enum { CLEAR, MET, NO_TESTS_LEFT } clearance;
 
 /* Whether a node in the state `bad` is among the elements of a family's parents or children, and
  * the first one. */
-static look neighbour_in(palp_adapt *s, uint32_t f, uint32_t which, palp_node_state bad,
-                         uint32_t *found) {
+static clearance neighbour_in(palp_adapt *s, uint32_t f, uint32_t which, palp_node_state bad,
+                              uint32_t *found) {
     const palp_dyna *d = s->dyna;
     const palp_tets *t = d->tets;
     uint32_t count;
     const uint32_t *list = members(t, f, which, &count);
-    uint32_t looks = elements_around(t, list, count);
-    if (looks > s->looks) return NO_LOOKS;
-    s->looks -= looks;
+    uint32_t element_tests = elements_around(t, list, count);
+    if (element_tests > s->element_tests) return NO_TESTS_LEFT;
+    s->element_tests -= element_tests;
     for (uint32_t i = 0; i < count; i++) {
         for (uint32_t e = t->around_offset[list[i]]; e < t->around_offset[list[i] + 1u]; e++) {
             for (uint32_t c = 0; c < 4u; c++) {
@@ -187,8 +188,8 @@ static void merge_some(palp_adapt *s, uint32_t count, mergers who, palp_adapt_re
         uint32_t f = calmest(s, who);
         if (f == PALP_NONE) return;
         uint32_t met;
-        look l = neighbour_in(s, f, 0, PALP_SPLIT, &met);
-        if (l == NO_LOOKS) return;
+        clearance l = neighbour_in(s, f, 0, PALP_SPLIT, &met);
+        if (l == NO_TESTS_LEFT) return;
         if (l == MET) {
             s->gamma_m[f] = NOT_NOW;
             continue;
@@ -219,9 +220,9 @@ static uint32_t first_to_split(palp_adapt *s, uint32_t f) {
     const palp_dyna *d = s->dyna;
     for (uint32_t l = 0; l < PALP_TET_LEVELS; l++) {
         uint32_t sleeper;
-        look met = neighbour_in(s, f, 1, PALP_ASLEEP, &sleeper);
+        clearance met = neighbour_in(s, f, 1, PALP_INACTIVE, &sleeper);
         if (met == CLEAR) return f;
-        if (met == NO_LOOKS) return PALP_NONE;
+        if (met == NO_TESTS_LEFT) return PALP_NONE;
         f = d->tets->family[2u * (size_t)sleeper];
         if (d->split[f] != 0u || s->gamma_m[f] < 0.0f) return PALP_NONE;
     }
@@ -264,7 +265,7 @@ palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room) {
     palp_adapt *s = adapt;
     palp_dyna *d = s->dyna;
     palp_adapt_report r = {0, 0, 0, 0};
-    s->looks = s->config.max_looks;
+    s->element_tests = s->config.max_element_tests;
     measure(s);
     if (room.spare < 0.0f) {
         merge_some(s, s->config.max_changes, ANY, &r);

@@ -23,7 +23,8 @@ typedef struct {
     float refine_m, merge_m; /* gamma_max, gamma_min */
     uint32_t dwell_ticks;    /* between the split of a family and its merging */
     uint32_t max_changes;    /* families per tick */
-    uint32_t max_looks;      /* elements around families that are looked at for it; at least those
+    uint32_t
+        max_element_tests; /* elements around families that are looked at for it; at least those
                                 of the largest family */
 } palp_adapt_config;
 
@@ -38,7 +39,7 @@ typedef struct {
                        those may merge, else -1 */
     uint8_t *held;  /* [families] a tool is near */
     uint32_t *age;  /* [families] ticks since it split */
-    uint32_t looks; /* left in this tick */
+    uint32_t element_tests; /* left in this tick */
 } palp_adapt;
 
 typedef struct {
@@ -67,8 +68,8 @@ typedef struct {
 
 /*
  * Measures, then merges, or splits within the room there is.
- * Cost: 12 per node, 8 per family, 8 per family and change, 24 per look, and palp_dyna_relist if
- * anything changed.
+ * Cost: 12 per node, 8 per family, 8 per family and change, 24 per element test, and
+ * palp_dyna_relist if anything changed.
  */
 palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room);
 

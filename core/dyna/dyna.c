@@ -3,7 +3,8 @@
 #include "core/base/arena.h"
 
 #define SAFETY 1.05f /* of the filter's mass over the least that is stable */
-#define TORN 3.0f    /* growth of the stiffness from which nodes lose speed when it grows further */
+#define OVERSTRETCHED                                                                              \
+    3.0f /* growth of the stiffness from which nodes lose speed when it grows further */
 #define ADDED_MASS 0.005f /* of a level, on its slivers, rather than a finer step for all */
 #define HEADROOM 1.3f /* growth of the stiffness that steps are chosen for, without the filter */
 
@@ -19,8 +20,8 @@ static void lay_out(palp_dyna *d, palp_arena *a) {
     d->c_N_s_per_m = palp_take(a, n, sizeof(float));
     d->limit_s = palp_take(a, n, sizeof(float));
     d->stretch = palp_take(a, n, sizeof(float));
-    d->torn = palp_take(a, n, sizeof(float));
-    d->lever = palp_take(a, n, sizeof(float));
+    d->overstretched = palp_take(a, n, sizeof(float));
+    d->stiffness_ratio = palp_take(a, n, sizeof(float));
     d->state = palp_take(a, n, 1);
     d->active_flag = palp_take(a, n, 1);
     d->step_class = palp_take(a, n, 1);
@@ -93,8 +94,8 @@ static void weigh_level(palp_dyna *d, uint32_t level) {
     for (uint32_t i = first; i < end; i++) {
         const palp_tet_node *n = &d->tets->node[i];
         d->mass_kg[i] = m->density_kg_m3 * n->volume_m3;
-        d->j_N_per_m[i] = share * palp_dyna_bound(n->spread, stiff, m->mu_Pa);
-        d->c_N_s_per_m[i] = share * palp_dyna_bound(n->spread, viscous, m->psi_Pa_s);
+        d->j_N_per_m[i] = share * palp_dyna_bound(n->gradient_sum, stiff, m->mu_Pa);
+        d->c_N_s_per_m[i] = share * palp_dyna_bound(n->gradient_sum, viscous, m->psi_Pa_s);
     }
     float dt_s = common_step(d, first, end);
     for (uint32_t i = first; i < end; i++) {
@@ -156,9 +157,9 @@ void palp_dyna_reset(palp_dyna *dyna) {
     for (size_t i = 0; i < 3u * (size_t)dyna->tets->meta->nodes; i++)
         dyna->u_m[i] = dyna->v_m_s[i] = dyna->impulse_Ns[i] = dyna->force_N[i] = 0.0f;
     for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++)
-        dyna->stretch[i] = 1.0f, dyna->torn[i] = 1.0f;
+        dyna->stretch[i] = 1.0f, dyna->overstretched[i] = 1.0f;
     for (uint32_t f = 0; f < dyna->tets->meta->families; f++) dyna->split[f] = 0;
-    dyna->evaluations = dyna->moves = dyna->followed = 0;
+    dyna->evaluations = dyna->moves = dyna->interpolated = 0;
     dyna->stored_J = 0.0f;
     palp_dyna_relist(dyna);
 }
@@ -267,12 +268,12 @@ void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
         uint32_t n = d->active[i];
         if (palp_dyna_pinned(d, n)) continue;
         float own = palp_max(2.0f * tick / (float)(1u << d->duty[n]), dt);
-        float grown = SAFETY * d->stretch[n] * d->lever[n] * own;
+        float grown = SAFETY * d->stretch[n] * d->stiffness_ratio[n] * own;
         float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
         float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
-        float torn = palp_max(d->stretch[n] * (1.0f / TORN), 1.0f);
-        float stay = slower * palp_min(d->torn[n] / torn, 1.0f);
-        d->torn[n] = torn;
+        float overstretched = palp_max(d->stretch[n] * (1.0f / OVERSTRETCHED), 1.0f);
+        float stay = slower * palp_min(d->overstretched[n] / overstretched, 1.0f);
+        d->overstretched[n] = overstretched;
         float *v = d->v_m_s + 3u * (size_t)n, *u = d->u_m + 3u * (size_t)n;
         const float *p = d->impulse_Ns + 3u * (size_t)n;
         v[0] = stay * v[0] + per_mass * p[0] + g.x;
@@ -288,7 +289,7 @@ void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class) {
     for (uint32_t s = 0; s < steps; s++) {
         palp_dyna_forces(dyna, s, steps);
         palp_dyna_move(dyna, steps);
-        palp_dyna_follow(dyna);
+        palp_dyna_interpolate(dyna);
     }
 }
 

@@ -3,10 +3,10 @@
  * A visco-elastic body in motion, adaptive in space and time (AD 2, 3).
  *
  * Every node of every level is active (it has mass and moves by the forces of its elements), split
- * (its children move in its place) or asleep (an ancestor does). An element is computed when one of
- * its nodes is active; its other nodes are the paper's interface nodes and follow: split ones are
- * means of their children, from fine to coarse, sleeping ones hang in their containers, from coarse
- * to fine. Both rules are exact for affine motions.
+ * (its children move in its place) or inactive (an ancestor does). An element is computed when one
+ * of its nodes is active; its other nodes are the paper's interface nodes and follow: split ones
+ * are means of their children, from fine to coarse, inactive ones are embedded in their containers,
+ * from coarse to fine. Both rules are exact for affine motions.
  *
  * An element counts by the share of its corners that are active, as the body's mass does, and what
  * it does to an interface node is handed back to those that the node follows. So all forces are the
@@ -34,8 +34,8 @@
  * diagonal (theta is at most 4 for tetrahedra; bake estimates it by iteration); at interfaces about
  * so (interface.c). It leaves rigid motion alone, while filtering the velocity itself, as the paper
  * writes it, brakes it; and it does not change when the body turns, as the paper's fixed 3x3 matrix
- * would. Where elements are torn about, so that the raised mass grows by factors, the momentum
- * stays and the velocity falls.
+ * would. Where elements are overstretched, so that the raised mass grows by factors, the
+ * momentum stays and the velocity falls.
  */
 #ifndef PALP_DYNA_DYNA_H
 #define PALP_DYNA_DYNA_H
@@ -46,7 +46,7 @@
 
 #define PALP_STEP_CLASSES 8u
 
-typedef enum { PALP_ASLEEP = 0, PALP_ACTIVE = 1, PALP_SPLIT = 2 } palp_node_state;
+typedef enum { PALP_INACTIVE = 0, PALP_ACTIVE = 1, PALP_SPLIT = 2 } palp_node_state;
 
 typedef struct {
     palp_material material;
@@ -63,10 +63,10 @@ typedef struct {
     float *impulse_Ns;  /* [3] of the step under way */
     float *force_N;     /* [3] of all elements, at the first step of the tick */
     float *mass_kg, *j_N_per_m, *c_N_s_per_m;
-    float *limit_s; /* largest step without the filter, with room for stretching */
-    float *stretch; /* of its elements in this tick */
-    float *torn;    /* how far beyond ordinary stretching it was in the last step, >= 1 */
-    float *lever;   /* growth of the stiffness by what interface nodes hand back, >= 1 */
+    float *limit_s;         /* largest step without the filter, with room for stretching */
+    float *stretch;         /* of its elements in this tick */
+    float *overstretched;   /* how far beyond ordinary stretching it was in the last step, >= 1 */
+    float *stiffness_ratio; /* growth of the stiffness by what interface nodes hand back, >= 1 */
     uint8_t *state, *step_class, *needed;
     uint8_t *active_flag;   /* 1 for active nodes, 0 for others */
     uint8_t *borders;       /* corners of elements at work */
@@ -75,16 +75,16 @@ typedef struct {
     uint32_t *cost;         /* [families] evaluations per tick that splitting adds, about */
     uint8_t *family_class;  /* [families] finest step among their elements */
     uint8_t *element_class; /* [tets] of those at work, else PALP_STEP_CLASSES */
-    uint8_t *skin_level;    /* [skin] level on which each vertex hangs */
+    uint8_t *skin_level;    /* [skin] level on which each vertex is embedded */
     /* lists, made anew when a family splits or merges */
     uint32_t *active, *up, *down, *element;
     uint32_t active_count, up_count, down_count, element_count;
     uint32_t class_start[PALP_STEP_CLASSES + 1u]; /* in element */
     uint32_t top_class;                           /* of the nodes at work */
-    uint32_t follow_terms;                        /* sources of all interface nodes on the lists */
-    uint64_t evaluations, moves, followed; /* done so far: elements, nodes, interface nodes */
-    uint64_t lists;                        /* made so far */
-    float stored_J;                        /* in the elements, at the first step of the tick */
+    uint32_t interpolation_terms;                 /* sources of all interface nodes on the lists */
+    uint64_t evaluations, moves, interpolated; /* done so far: elements, nodes, interface nodes */
+    uint64_t lists;                            /* made so far */
+    float stored_J;                            /* in the elements, at the first step of the tick */
 } palp_dyna;
 
 size_t palp_dyna_memsize(const palp_tets *tets);
@@ -116,7 +116,7 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps);
 void palp_dyna_move(palp_dyna *dyna, uint32_t steps);
 
 /* Interface nodes follow. */
-void palp_dyna_follow(palp_dyna *dyna);
+void palp_dyna_interpolate(palp_dyna *dyna);
 
 /* A whole tick without tools. */
 void palp_dyna_tick(palp_dyna *dyna, uint32_t most_class);

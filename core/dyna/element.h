@@ -14,10 +14,10 @@
  * anywhere, and none in ordinary motion. It depends on D^T D and the orientation alone, so momenta
  * are kept.
  *
- * And it stiffens with the square of the stretch, so that a body that is torn about could store any
- * energy and throw a node any distance. With U the energy per volume, what is stored is instead
- * 2 W (sqrt(1 + U / W) - 1), W = PALP_YIELDING kappa: the same for small U (forces 0.1 % lower at
- * 10 % strain, 5 % at 50 %), with a stiffness that no longer grows.
+ * And it stiffens with the square of the stretch, so that an overstretched body could
+ * store any energy and throw a node any distance. With U the energy per volume, what is stored is
+ * instead 2 W (sqrt(1 + U / W) - 1), W = PALP_YIELDING kappa: the same for small U (forces 0.1 %
+ * lower at 10 % strain, 5 % at 50 %), with a stiffness that no longer grows.
  */
 #ifndef PALP_DYNA_ELEMENT_H
 #define PALP_DYNA_ELEMENT_H

@@ -39,6 +39,6 @@ bool palp_energy_watch(palp_energy *energy, palp_dyna *dyna, float work_J, bool 
         float *v = d->v_m_s + 3u * (size_t)d->active[i];
         for (uint32_t a = 0; a < 3u; a++) v[a] *= slower;
     }
-    e->calmed++;
+    e->energy_limited++;
     return true;
 }

@@ -12,7 +12,7 @@
 typedef struct {
     float allowed_J;          /* what there may be */
     float kinetic_J, total_J; /* as of the last look: total with what is stored and can fall */
-    uint32_t calmed;          /* ticks in which something was taken out */
+    uint32_t energy_limited;  /* ticks in which something was taken out */
 } palp_energy;
 
 /*

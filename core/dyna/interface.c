@@ -18,7 +18,7 @@ static sources children_of(const palp_tets *t, uint32_t node) {
     return (sources){t->mean + first, t->mean_weight + first, t->mean_offset[node + 1u] - first};
 }
 
-static void follow(palp_dyna *d, uint32_t node, sources s) {
+static void interpolate(palp_dyna *d, uint32_t node, sources s) {
     for (uint32_t a = 0; a < 3u; a++) {
         float u = 0.0f, v = 0.0f;
         for (uint32_t k = 0; k < s.count; k++) {
@@ -32,17 +32,17 @@ static void follow(palp_dyna *d, uint32_t node, sources s) {
 }
 
 void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
-    follow(dyna, node, container_of(dyna->tets, node));
+    interpolate(dyna, node, container_of(dyna->tets, node));
 }
 
 void palp_dyna_mean(palp_dyna *dyna, uint32_t node) {
-    follow(dyna, node, children_of(dyna->tets, node));
+    interpolate(dyna, node, children_of(dyna->tets, node));
 }
 
-void palp_dyna_follow(palp_dyna *dyna) {
+void palp_dyna_interpolate(palp_dyna *dyna) {
     for (uint32_t i = 0; i < dyna->up_count; i++) palp_dyna_mean(dyna, dyna->up[i]);
     for (uint32_t i = 0; i < dyna->down_count; i++) palp_dyna_hang(dyna, dyna->down[i]);
-    dyna->followed += dyna->up_count + dyna->down_count;
+    dyna->interpolated += dyna->up_count + dyna->down_count;
 }
 
 /* The impulse on a node goes to what it follows, by the same weights. */
@@ -66,7 +66,7 @@ void palp_dyna_hand_back(palp_dyna *dyna) {
 /* The diagonal of W^T J W. (Its row sums would be a bound, and are far too large.) */
 static void lean(palp_dyna *d, uint32_t node, sources s) {
     for (uint32_t k = 0; k < s.count; k++)
-        d->lever[s.node[k]] += s.weight[k] * s.weight[k] * d->lever[node];
+        d->stiffness_ratio[s.node[k]] += s.weight[k] * s.weight[k] * d->stiffness_ratio[node];
 }
 
 void palp_dyna_levers(palp_dyna *dyna) {
@@ -74,12 +74,12 @@ void palp_dyna_levers(palp_dyna *dyna) {
     const palp_tets *t = d->tets;
     for (uint32_t i = 0; i < t->meta->nodes; i++) {
         bool bears = d->state[i] == PALP_ACTIVE || d->borders[i] != 0u;
-        d->lever[i] = bears ? d->j_N_per_m[i] : 0.0f;
+        d->stiffness_ratio[i] = bears ? d->j_N_per_m[i] : 0.0f;
     }
     for (uint32_t i = d->down_count; i-- > 0u;) lean(d, d->down[i], container_of(t, d->down[i]));
     for (uint32_t i = d->up_count; i-- > 0u;) lean(d, d->up[i], children_of(t, d->up[i]));
     for (uint32_t i = 0; i < d->active_count; i++) {
         uint32_t n = d->active[i];
-        d->lever[n] = palp_max(d->lever[n] / d->j_N_per_m[n], 1.0f);
+        d->stiffness_ratio[n] = palp_max(d->stiffness_ratio[n] / d->j_N_per_m[n], 1.0f);
     }
 }

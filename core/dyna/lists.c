@@ -13,7 +13,7 @@ static void set_states(palp_dyna *d) {
         uint32_t up = t->family[2u * (size_t)i], down = t->family[2u * (size_t)i + 1u];
         palp_node_state s = PALP_ACTIVE;
         if (up != PALP_NONE && d->split[up] == 0u) {
-            s = PALP_ASLEEP;
+            s = PALP_INACTIVE;
         } else if (family_is_split(d, down)) {
             s = PALP_SPLIT;
         }
@@ -40,8 +40,9 @@ static void set_duties(palp_dyna *d) {
     for (uint32_t k = 0; k < d->active_count; k++) {
         uint32_t i = d->active[k], most = d->config.most_class;
         if (d->duty[i] == 0u) continue;
-        float lever = d->lever[i];
-        uint32_t c = d->step_class[i] + (lever > 1.2f ? 1u : 0u) + (lever > 4.0f ? 1u : 0u);
+        float stiffness_ratio = d->stiffness_ratio[i];
+        uint32_t c = d->step_class[i] + (stiffness_ratio > 1.2f ? 1u : 0u) +
+                     (stiffness_ratio > 4.0f ? 1u : 0u);
         d->duty[i] = (uint8_t)(1u + (c < most ? c : most));
     }
 }
@@ -73,14 +74,14 @@ static void need(palp_dyna *d, uint32_t tet) {
     for (uint32_t c = 0; c < 4u; c++) d->needed[d->tets->tet[tet].node[c]] = 1;
 }
 
-/* Each skin vertex hangs on the level on which the region of its node is active. */
+/* Each skin vertex is embedded on the level on which the region of its node is active. */
 static void hang_skin(palp_dyna *d) {
     const palp_tets *t = d->tets;
     uint32_t levels = t->meta->levels;
     for (uint32_t i = 0; i < t->meta->skin; i++) {
         uint32_t n = t->skin_node[i], level = levels - 1u;
         /* at most levels */
-        while (d->state[n] == PALP_ASLEEP && level > 0u) { /* ends: level 0 does not sleep */
+        while (d->state[n] == PALP_INACTIVE && level > 0u) { /* ends: level 0 is never inactive */
             n = t->parent[t->parent_offset[t->family[2u * (size_t)n]]];
             level--;
         }
@@ -103,23 +104,23 @@ static void need_for_splits(palp_dyna *d) {
  * fine. Evaluated the other way around, each finds its sources ready. */
 static void list_interface(palp_dyna *d) {
     const palp_tets *t = d->tets;
-    d->up_count = d->down_count = d->follow_terms = 0;
+    d->up_count = d->down_count = d->interpolation_terms = 0;
     for (uint32_t i = t->meta->nodes; i-- > 0u;) {
-        if (d->needed[i] != 0u && d->state[i] == PALP_ASLEEP) need(d, t->container[i]);
+        if (d->needed[i] != 0u && d->state[i] == PALP_INACTIVE) need(d, t->container[i]);
     }
     for (uint32_t i = 0; i < t->meta->nodes; i++) {
         if (d->needed[i] == 0u) continue;
         for (uint32_t k = t->mean_offset[i];
              d->state[i] == PALP_SPLIT && k < t->mean_offset[i + 1u]; k++)
             d->needed[t->mean[k]] = 1;
-        if (d->state[i] == PALP_ASLEEP && !palp_dyna_pinned(d, i)) d->down[d->down_count++] = i;
+        if (d->state[i] == PALP_INACTIVE && !palp_dyna_pinned(d, i)) d->down[d->down_count++] = i;
     }
     for (uint32_t i = t->meta->nodes; i-- > 0u;) {
         if (d->needed[i] == 0u || d->state[i] != PALP_SPLIT || palp_dyna_pinned(d, i)) continue;
         d->up[d->up_count++] = i;
-        d->follow_terms += t->mean_offset[i + 1u] - t->mean_offset[i];
+        d->interpolation_terms += t->mean_offset[i + 1u] - t->mean_offset[i];
     }
-    d->follow_terms += 4u * d->down_count;
+    d->interpolation_terms += 4u * d->down_count;
 }
 
 void palp_dyna_relist(palp_dyna *dyna) {
@@ -135,7 +136,7 @@ void palp_dyna_relist(palp_dyna *dyna) {
     palp_dyna_levers(dyna);
     set_duties(dyna);
     list_elements(dyna);
-    palp_dyna_follow(dyna);
+    palp_dyna_interpolate(dyna);
 }
 
 void palp_dyna_collapse(palp_dyna *dyna) {

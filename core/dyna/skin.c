@@ -2,7 +2,7 @@
 #include "skin.h"
 #include "core/base/arena.h"
 
-/* Sum of w_k x_k over the corners of the tetrahedron in which the vertex hangs. */
+/* Sum of w_k x_k over the corners of the tetrahedron that the vertex is embedded in. */
 static palp_vec3 weigh(const palp_dyna *d, uint32_t i, const float *x) {
     const palp_tets *t = d->tets;
     size_t at = (size_t)i * t->meta->levels + d->skin_level[i];
@@ -14,7 +14,7 @@ static palp_vec3 weigh(const palp_dyna *d, uint32_t i, const float *x) {
     return sum;
 }
 
-palp_vec3 palp_skin_place(const palp_dyna *dyna, uint32_t i) {
+palp_vec3 palp_skin_position(const palp_dyna *dyna, uint32_t i) {
     uint32_t node = dyna->tets->skin_node[i];
     return palp_add(palp_vec3_at(dyna->tets->rest_m + 3u * (size_t)node),
                     weigh(dyna, i, dyna->u_m));
@@ -48,7 +48,7 @@ palp_vec3 palp_skin_normal(const palp_dyna *dyna, uint32_t i) {
 }
 
 static void lay_out(palp_skin *s, const palp_tets *t, palp_arena *a) {
-    s->place_m = palp_take(a, 3u * (size_t)t->meta->skin, sizeof(float));
+    s->position_m = palp_take(a, 3u * (size_t)t->meta->skin, sizeof(float));
     s->off_m = palp_take(a, 3u * (size_t)t->meta->skin, sizeof(float));
 }
 
@@ -72,7 +72,7 @@ palp_status palp_skin_init(palp_skin *skin, const palp_dyna *dyna, void *memory,
     *skin = (palp_skin){.dyna = dyna, .lists = dyna->lists};
     lay_out(skin, dyna->tets, &a);
     for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) {
-        put(skin->place_m + 3u * (size_t)i, palp_skin_place(dyna, i));
+        put(skin->position_m + 3u * (size_t)i, palp_skin_position(dyna, i));
         put(skin->off_m + 3u * (size_t)i, (palp_vec3){0.0f, 0.0f, 0.0f});
     }
     return PALP_OK;
@@ -84,8 +84,8 @@ void palp_skin_update(palp_skin *skin, float dt_s) {
     skin->lists = skin->dyna->lists;
     skin->jump_m = 0.0f;
     for (uint32_t i = 0; i < skin->dyna->tets->meta->skin; i++) {
-        float *place = skin->place_m + 3u * (size_t)i, *off = skin->off_m + 3u * (size_t)i;
-        palp_vec3 goal = palp_skin_place(skin->dyna, i), rest = palp_vec3_at(off);
+        float *place = skin->position_m + 3u * (size_t)i, *off = skin->off_m + 3u * (size_t)i;
+        palp_vec3 goal = palp_skin_position(skin->dyna, i), rest = palp_vec3_at(off);
         if (changed) { /* as if it had gone on as it was */
             palp_vec3 gone = palp_scale(dt_s, palp_skin_velocity(skin->dyna, i));
             palp_vec3 left = palp_sub(palp_add(palp_vec3_at(place), gone), goal);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The surface that is seen (AD 4.1): the boundary of the finest mesh, each vertex hanging in a
+ * The surface that is seen (AD 4.1): the boundary of the finest mesh, each vertex embedded in a
  * tetrahedron of the level that is active around it. When families split or merge each vertex goes
  * on from where it is; the difference to where it should be fades exponentially, to 37 % in
  * PALP_SKIN_FADE_S, so nothing pops.
@@ -14,15 +14,15 @@
 
 /* Where skin vertex i is on the level that is active there, without any fading; and its normal,
  * which goes with the gradient D of its tetrahedron as det D D^-T n. */
-palp_vec3 palp_skin_place(const palp_dyna *dyna, uint32_t i);
+palp_vec3 palp_skin_position(const palp_dyna *dyna, uint32_t i);
 palp_vec3 palp_skin_velocity(const palp_dyna *dyna, uint32_t i);
 palp_vec3 palp_skin_normal(const palp_dyna *dyna, uint32_t i);
 
 typedef struct {
     const palp_dyna *dyna;
-    float *place_m; /* [skin][3] shown */
-    float *off_m;   /* [skin][3] still to fade */
-    uint64_t lists; /* of the body, when it was last looked at */
+    float *position_m; /* [skin][3] shown */
+    float *off_m;      /* [skin][3] still to fade */
+    uint64_t lists;    /* of the body, when it was last looked at */
     float
         jump_m; /* largest difference that a change of resolution left to fade in the last update */
 } palp_skin;

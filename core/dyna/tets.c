@@ -51,9 +51,9 @@ static void read_nodes(palp_reader *r, palp_tets *t) {
                                    e->near_m > 0.0f && palp_is_finite(e->near_m) &&
                                    e->flags <= PALP_TET_PINNED);
         for (uint32_t k = 0; k < 6u; k++)
-            palp_reader_require(r,
-                                palp_is_finite(e->spread[k]) && (k >= 3u || e->spread[k] >= 0.0f));
-        palp_reader_require(r, e->spread[0] + e->spread[1] + e->spread[2] > 0.0f);
+            palp_reader_require(r, palp_is_finite(e->gradient_sum[k]) &&
+                                       (k >= 3u || e->gradient_sum[k] >= 0.0f));
+        palp_reader_require(r, e->gradient_sum[0] + e->gradient_sum[1] + e->gradient_sum[2] > 0.0f);
     }
 }
 

@@ -63,7 +63,8 @@ void palp_cma_clear(palp_cma *cma) {
 }
 
 static void push(palp_cma *c, uint32_t node, palp_vec3 direction, float target) {
-    c->switches[c->count++] = (palp_switch){.node = node, .direction = direction, .target = target};
+    c->switches[c->count++] =
+        (palp_switched_unknown){.node = node, .direction = direction, .target = target};
 }
 
 static void push_all(palp_cma *c, uint32_t node, palp_vec3 target) {
@@ -83,16 +84,16 @@ static void set_given(palp_cma *c, uint32_t node, palp_vec3 v) {
 static void give_free(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     switch (condition) {
-    case PALP_GIVE_DISPLACEMENT:
+    case PALP_PRESCRIBE_DISPLACEMENT:
         push_all(c, node, value);
         break;
-    case PALP_GIVE_NORMAL:
+    case PALP_PRESCRIBE_NORMAL:
         push(c, node, n, value.x);
         break;
-    case PALP_GIVE_TRACTION:
+    case PALP_PRESCRIBE_TRACTION:
         set_given(c, node, palp_scale(c->blob->area_m2[node], value));
         break;
-    case PALP_GIVE_FORCE:
+    case PALP_PRESCRIBE_FORCE:
     case PALP_RELEASE:
         set_given(c, node, value);
         break;
@@ -103,19 +104,19 @@ static void give_fixed(palp_cma *c, uint32_t node, palp_condition condition, pal
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     palp_vec3 t[2];
     switch (condition) {
-    case PALP_GIVE_DISPLACEMENT:
+    case PALP_PRESCRIBE_DISPLACEMENT:
         set_given(c, node, value);
         break;
-    case PALP_GIVE_NORMAL:
+    case PALP_PRESCRIBE_NORMAL:
         palp_tangents(n, t);
         set_given(c, node, palp_scale(value.x, n));
         push(c, node, t[0], 0.0f);
         push(c, node, t[1], 0.0f);
         break;
-    case PALP_GIVE_TRACTION:
+    case PALP_PRESCRIBE_TRACTION:
         push_all(c, node, palp_scale(c->blob->area_m2[node], value));
         break;
-    case PALP_GIVE_FORCE:
+    case PALP_PRESCRIBE_FORCE:
         push_all(c, node, value);
         break;
     case PALP_RELEASE:
@@ -125,17 +126,19 @@ static void give_fixed(palp_cma *c, uint32_t node, palp_condition condition, pal
 }
 
 static uint32_t unknowns_of(bool fixed, palp_condition condition) {
-    if (condition == PALP_GIVE_DISPLACEMENT) return fixed ? 0u : 3u;
-    if (condition == PALP_GIVE_NORMAL) return fixed ? 2u : 1u;
+    if (condition == PALP_PRESCRIBE_DISPLACEMENT) return fixed ? 0u : 3u;
+    if (condition == PALP_PRESCRIBE_NORMAL) return fixed ? 2u : 1u;
     return fixed ? 3u : 0u;
 }
 
-palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value) {
+palp_status palp_cma_prescribe(palp_cma *cma, uint32_t node, palp_condition condition,
+                               palp_vec3 value) {
     if (node >= cma->blob->meta->nodes || cma->state[node] != 0u) return PALP_ERR_ARGUMENT;
     bool fixed = palp_node_is_fixed(cma->blob, node);
     if (!fixed && condition == PALP_RELEASE) return PALP_ERR_ARGUMENT;
     bool scalar = palp_blob_has(cma->blob, PALP_META_SCALAR);
-    if (scalar && (condition == PALP_GIVE_NORMAL || value.y * value.y + value.z * value.z > 0.0f))
+    if (scalar &&
+        (condition == PALP_PRESCRIBE_NORMAL || value.y * value.y + value.z * value.z > 0.0f))
         return PALP_ERR_ARGUMENT;
     if (!palp_vec3_is_finite(value)) return PALP_ERR_NOT_FINITE;
     if (fixed && !palp_blob_has(cma->blob, PALP_META_FIXED_COLUMNS)) return PALP_ERR_ABSENT;

@@ -34,11 +34,11 @@
 #include "core/green/hierarchy.h"
 
 typedef enum {
-    PALP_GIVE_DISPLACEMENT, /* u = value (m) */
-    PALP_GIVE_NORMAL,       /* n.u = value.x (m), no tangential force */
-    PALP_GIVE_FORCE,        /* nodal force f = value (N) */
-    PALP_GIVE_TRACTION,     /* traction p = value (Pa), f = a_j p */
-    PALP_RELEASE            /* a fixed node set free */
+    PALP_PRESCRIBE_DISPLACEMENT, /* u = value (m) */
+    PALP_PRESCRIBE_NORMAL,       /* n.u = value.x (m), no tangential force */
+    PALP_PRESCRIBE_FORCE,        /* nodal force f = value (N) */
+    PALP_PRESCRIBE_TRACTION,     /* traction p = value (Pa), f = a_j p */
+    PALP_RELEASE                 /* a fixed node set free */
 } palp_condition;
 
 typedef enum { PALP_ENERGETIC, PALP_COLLOCATED } palp_pairing;
@@ -50,12 +50,12 @@ typedef struct {
     palp_vec3 direction;
     float target; /* what the RBVP's result must be along `direction`: m on F, N on U */
     float value;  /* solved: N on F, m on U */
-} palp_switch;
+} palp_switched_unknown;
 
 typedef struct {
     const palp_blob *blob;
     uint32_t capacity, count;
-    palp_switch *switches;                    /* [capacity], `count` of them as given */
+    palp_switched_unknown *switches;          /* [capacity], `count` of them as given */
     uint32_t solved, *chosen;                 /* [capacity] those that are unknowns on the level */
     float *capacitance;                       /* [capacity][capacity] */
     float *factor;                            /* [capacity][capacity] */
@@ -92,7 +92,8 @@ void palp_cma_clear(palp_cma *cma);
  * twice, RELEASE of a free node, or in a scalar blob anything but x), NOT_FINITE, CAPACITY, ABSENT
  * (a fixed node in a blob without its column). On error nothing changes.
  */
-palp_status palp_cma_give(palp_cma *cma, uint32_t node, palp_condition condition, palp_vec3 value);
+palp_status palp_cma_prescribe(palp_cma *cma, uint32_t node, palp_condition condition,
+                               palp_vec3 value);
 
 /* Imposes displacements of free nodes on `level`. Error: ARGUMENT (above the blob's constraint
  * level).

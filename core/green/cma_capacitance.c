@@ -17,7 +17,8 @@ static float row_factor(const palp_cma *c, uint32_t node) {
 }
 
 /* The columns that hold switch `t`, for rows of domain `d`. */
-static const palp_columns *columns_of(const palp_cma *c, uint32_t d, const palp_switch *t) {
+static const palp_columns *columns_of(const palp_cma *c, uint32_t d,
+                                      const palp_switched_unknown *t) {
     const palp_blob *b = c->blob;
     bool fixed = palp_node_is_fixed(b, t->node);
     if (fixed || t->level == b->meta->constraint_level || d == PALP_FIXED)
@@ -28,7 +29,7 @@ static const palp_columns *columns_of(const palp_cma *c, uint32_t d, const palp_
 /* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
 static void assemble_row(palp_cma *c, uint32_t k) {
     const palp_blob *b = c->blob;
-    const palp_switch *s = palp_cma_unknown(c, k);
+    const palp_switched_unknown *s = palp_cma_unknown(c, k);
     uint32_t d = palp_cma_domain(b, s->node);
     float factor = row_factor(c, s->node);
     float block[9];
@@ -46,7 +47,7 @@ static void assemble_row(palp_cma *c, uint32_t k) {
     }
     c->rhs[k] = s->target - factor * palp_dot(s->direction, v0);
     for (uint32_t l = 0; l < c->solved; l++) {
-        const palp_switch *t = palp_cma_unknown(c, l);
+        const palp_switched_unknown *t = palp_cma_unknown(c, l);
         if (t->node != extracted) {
             palp_columns_extract(columns_of(c, d, t), palp_node_slot(b, t->node), &c->row, block);
             extracted = t->node;
@@ -60,7 +61,7 @@ static void assemble_row(palp_cma *c, uint32_t k) {
 static void complete_by_reciprocity(palp_cma *c) {
     for (uint32_t k = 0; k < c->solved; k++) {
         for (uint32_t l = 0; l < c->solved; l++) {
-            const palp_switch *s = palp_cma_unknown(c, k), *t = palp_cma_unknown(c, l);
+            const palp_switched_unknown *s = palp_cma_unknown(c, k), *t = palp_cma_unknown(c, l);
             bool missing = palp_node_is_fixed(c->blob, s->node) &&
                            !palp_node_is_fixed(c->blob, t->node) &&
                            t->level < c->blob->meta->constraint_level;

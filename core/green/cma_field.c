@@ -54,7 +54,7 @@ static void write_fields(palp_cma *c, float *u_m, float *f_N) {
 /* MR 47: along its direction a switched node has exactly what was prescribed. */
 static void set_exact(const palp_cma *c, float *u_m, float *f_N) {
     for (uint32_t k = 0; k < c->solved; k++) {
-        const palp_switch *s = palp_cma_unknown(c, k);
+        const palp_switched_unknown *s = palp_cma_unknown(c, k);
         bool fixed = palp_node_is_fixed(c->blob, s->node);
         if (palp_cma_is_coarse(c, s) && c->pairing == PALP_ENERGETIC) continue;
         float *result = (fixed ? f_N : u_m) + 3u * s->node;

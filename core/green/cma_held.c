@@ -23,7 +23,7 @@ static motion row_of(palp_vec3 direction, palp_vec3 from_middle) {
 /* Whether all of node i's displacement is prescribed. */
 static bool is_whole(const palp_cma *c, uint32_t i) {
     if (c->state[i] == 0u) return palp_node_is_fixed(c->blob, i);
-    return c->state[i] == 1u + (uint32_t)PALP_GIVE_DISPLACEMENT;
+    return c->state[i] == 1u + (uint32_t)PALP_PRESCRIBE_DISPLACEMENT;
 }
 
 /* Directions along which node i is prescribed: all, its normal, or none. */
@@ -33,7 +33,7 @@ static uint32_t prescribed(const palp_cma *c, uint32_t i, palp_vec3 direction[3]
     direction[2] = (palp_vec3){0.0f, 0.0f, 1.0f};
     if (is_whole(c, i)) return palp_blob_has(c->blob, PALP_META_SCALAR) ? 1u : 3u;
     direction[0] = palp_vec3_at(c->blob->normal + 3u * i);
-    return c->state[i] == 1u + (uint32_t)PALP_GIVE_NORMAL ? 1u : 0u;
+    return c->state[i] == 1u + (uint32_t)PALP_PRESCRIBE_NORMAL ? 1u : 0u;
 }
 
 /* A row without its part along what is known; and how much that is. */

@@ -6,7 +6,7 @@
 #include "core/green/cma.h"
 
 /* Unknown k of those that are solved for. */
-static inline palp_switch *palp_cma_unknown(const palp_cma *cma, uint32_t k) {
+static inline palp_switched_unknown *palp_cma_unknown(const palp_cma *cma, uint32_t k) {
     return &cma->switches[cma->chosen[k]];
 }
 
@@ -15,7 +15,7 @@ static inline uint32_t palp_cma_domain(const palp_blob *b, uint32_t node) {
 }
 
 /* Whether a switch stands for a basis function below the finest level. */
-static inline bool palp_cma_is_coarse(const palp_cma *c, const palp_switch *s) {
+static inline bool palp_cma_is_coarse(const palp_cma *c, const palp_switched_unknown *s) {
     return !palp_node_is_fixed(c->blob, s->node) && s->level + 1u < c->blob->meta->levels;
 }
 

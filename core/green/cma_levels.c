@@ -19,7 +19,7 @@ void palp_cma_restrict(palp_cma *cma) {
 }
 
 /* Forces on the basis functions of `level` become forces on those of level + 1. */
-static void spread_forces(const palp_blob *b, uint32_t level, float *force) {
+static void distribute_forces(const palp_blob *b, uint32_t level, float *force) {
     const palp_domain *d = &b->domain[PALP_FREE];
     const float *coarse = b->level[level].area_m2, *fine = b->level[level + 1u].area_m2;
     for (uint32_t m = b->level[level].nodes; m < b->level[level + 1u].nodes; m++) {
@@ -43,21 +43,21 @@ void palp_cma_carry(palp_cma *cma) {
     for (uint32_t i = 0; i < 3u * b->domain[PALP_FREE].slots; i++) c->carried[i] = 0.0f;
     for (uint32_t l = 0; l <= b->meta->constraint_level; l++) {
         for (uint32_t k = 0; k < c->solved; k++) {
-            const palp_switch *s = palp_cma_unknown(c, k);
+            const palp_switched_unknown *s = palp_cma_unknown(c, k);
             if (palp_node_is_fixed(b, s->node) || s->level != l) continue;
             float *f = c->carried + 3u * palp_node_slot(b, s->node);
             f[0] += s->value * s->direction.x;
             f[1] += s->value * s->direction.y;
             f[2] += s->value * s->direction.z;
         }
-        if (l < b->meta->constraint_level) spread_forces(b, l, c->carried);
+        if (l < b->meta->constraint_level) distribute_forces(b, l, c->carried);
     }
     for (uint32_t i = 0; i < b->domain[PALP_FREE].slots; i++) {
         for (uint32_t k = 0; k < 3; k++)
             c->given[3u * b->domain[PALP_FREE].node[i] + k] += c->carried[3u * i + k];
     }
     for (uint32_t k = 0; k < c->solved; k++) {
-        const palp_switch *s = palp_cma_unknown(c, k);
+        const palp_switched_unknown *s = palp_cma_unknown(c, k);
         if (!palp_node_is_fixed(b, s->node)) continue;
         float *u = c->given + 3u * s->node;
         u[0] += s->value * s->direction.x;
@@ -72,7 +72,7 @@ void palp_cma_nodal_forces(palp_cma *cma) {
     const palp_domain *d = &b->domain[PALP_FREE];
     if (b->meta->constraint_level + 1u == d->levels) return;
     for (uint32_t l = b->meta->constraint_level; l + 1u < d->levels; l++)
-        spread_forces(b, l, c->carried);
+        distribute_forces(b, l, c->carried);
     for (uint32_t i = 0; i < 3u * d->slots; i++)
         c->given[3u * d->node[i / 3u] + i % 3u] = c->carried[i];
 }
@@ -83,7 +83,7 @@ static void find_covered(palp_cma *c, uint32_t hats) {
     const palp_domain *d = &b->domain[PALP_FREE];
     for (uint32_t i = 0; i < d->slots; i++) c->covered[i] = 0;
     for (uint32_t k = 0; k < c->count; k++) {
-        const palp_switch *s = &c->switches[k];
+        const palp_switched_unknown *s = &c->switches[k];
         uint32_t slot = palp_node_slot(b, s->node);
         if (!palp_node_is_fixed(b, s->node) && slot < hats) c->covered[slot] = 1;
     }
@@ -104,7 +104,7 @@ palp_status palp_cma_choose(palp_cma *cma) {
     find_covered(c, hats);
     c->solved = 0;
     for (uint32_t k = 0; k < c->count; k++) {
-        palp_switch *s = &c->switches[k];
+        palp_switched_unknown *s = &c->switches[k];
         const uint32_t slot = palp_node_slot(b, s->node);
         const bool fixed = palp_node_is_fixed(b, s->node);
         if (fixed && c->pairing == PALP_COLLOCATED && c->level + 1u < b->meta->levels)

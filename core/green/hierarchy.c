@@ -20,7 +20,7 @@ palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_
 }
 
 /* Spreads the marked weights of `level` over level + 1. */
-static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
+static void distribute(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
     const palp_domain *d = &b->domain[PALP_FREE];
     uint32_t end = d->level_start[level + 1u];
     for (uint32_t a = palp_row_next(s, 0, end); a < end; a = palp_row_next(s, a + 1u, end)) {
@@ -36,6 +36,6 @@ static void spread(const palp_blob *b, uint32_t level, palp_row_scratch *s) {
 bool palp_basis_row(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
                     palp_row *row, uint32_t capacity) {
     palp_row_mark(scratch, basis.slot, 1.0f);
-    for (uint32_t l = basis.level; l + 1u < blob->meta->levels; l++) spread(blob, l, scratch);
+    for (uint32_t l = basis.level; l + 1u < blob->meta->levels; l++) distribute(blob, l, scratch);
     return palp_row_finish(&blob->domain[PALP_FREE], scratch, row, capacity);
 }

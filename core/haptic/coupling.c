@@ -11,7 +11,7 @@ void palp_coupling_reset(palp_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         k->placed = k->touching = false;
-        k->looked = 0;
+        k->searched = 0;
         k->contact_N = k->offset_N = k->carried_m = (palp_vec3){0};
         k->contact_stiffness_N_per_m = 0.0f;
         palp_friction_reset(&k->friction);
@@ -27,7 +27,7 @@ static palp_vec3 approach(palp_vec3 from, palp_vec3 to, float farthest) {
 }
 
 /* How many nodes the bodies have together; the place of one of them, and its normal, when at rest
- * in this posture. */
+ * in this configuration. */
 static uint32_t nodes_of(const palp_contact *c) {
     return c->assembly != NULL ? c->assembly->zones->nodes : c->surface[0].blob->meta->nodes;
 }
@@ -48,12 +48,13 @@ static palp_vec3 place_of(const palp_contact *c, uint32_t node, palp_vec3 *norma
     return palp_carry(frame, palp_vec3_at(z->blob[zone].rest_m + at));
 }
 
-/* Looks on for the node nearest to where a tool was found; true when all have been looked at. */
-static bool look_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at) {
+/* Searches further for the node nearest to where a tool was found; true when all have been
+ * compared. */
+static bool search_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at) {
     const uint32_t nodes = nodes_of(c);
     uint32_t end =
-        k->looked + PALP_COUPLING_LOOKS < nodes ? k->looked + PALP_COUPLING_LOOKS : nodes;
-    for (uint32_t i = k->looked; i < end; i++) {
+        k->searched + PALP_COUPLING_SEARCHED < nodes ? k->searched + PALP_COUPLING_SEARCHED : nodes;
+    for (uint32_t i = k->searched; i < end; i++) {
         palp_vec3 normal;
         palp_vec3 d = palp_sub(place_of(c, i, &normal), at);
         float distance2 = palp_dot(d, d);
@@ -61,7 +62,7 @@ static bool look_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at) 
         k->nearest = i;
         k->least_m2 = distance2;
     }
-    k->looked = end;
+    k->searched = end;
     return end == nodes;
 }
 
@@ -102,7 +103,7 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         float size = palp_tool_size(&contact->tools[t]);
         coupling->next_m[t] = device_m[t];
         if (!k->placed) {
-            k->placed = look_on(k, contact, device_m[t]);
+            k->placed = search_on(k, contact, device_m[t]);
             k->tool_m = k->placed ? outside(contact, t, k->nearest, device_m[t]) : device_m[t];
             k->expected_m = k->tool_m;
             k->device_m = device_m[t];

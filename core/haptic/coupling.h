@@ -32,7 +32,7 @@
 
 #include "core/contact/friction.h"
 
-#define PALP_COUPLING_LOOKS 256u /* nodes a tick, while a tool is placed */
+#define PALP_COUPLING_SEARCHED 256u /* nodes a tick, while a tool is placed */
 #define PALP_COUPLING_FADE_S 0.03f
 #define PALP_COUPLING_OFFSET 0.1f
 #define PALP_COUPLING_DAMPED 0.5f
@@ -52,7 +52,7 @@ typedef struct {
     float contact_stiffness_N_per_m; /* k_c */
     palp_friction friction;
     bool placed, touching;
-    uint32_t looked, nearest; /* nodes, before it is placed */
+    uint32_t searched, nearest; /* nodes, before it is placed */
     float least_m2;
 } palp_coupling_tool;
 
@@ -76,9 +76,9 @@ void palp_coupling_reset(palp_coupling *coupling);
 
 /*
  * Begins a tick with the devices at device_m[tool_count]. After a reset a tool is first placed, by
- * the node of the body that is nearest to its device, PALP_COUPLING_LOOKS of them in a tick; false
- * while one is not: there is no contact to be solved yet, and palp_coupling_hold answers 0. Cost:
- * 60 per tool, or 10 for each look.
+ * the node of the body that is nearest to its device, PALP_COUPLING_SEARCHED of them in a tick;
+ * false while one is not: there is no contact to be solved yet, and palp_coupling_hold answers 0.
+ * Cost: 60 per tool, or 10 for each node compared.
  */
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_vec3 *device_m);

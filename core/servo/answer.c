@@ -12,8 +12,8 @@
 float palp_answer_cost_around(const palp_contact_cost *cost) {
     const palp_contact_cost *c = cost;
     return PRICE(c, TICK) + PRICE(c, QUANTUM) +
-           c->tools *
-               (PRICE(c, COUPLE) + PRICE(c, LEAVE) + (float)PALP_COUPLING_LOOKS * PRICE(c, SOUGHT));
+           c->tools * (PRICE(c, COUPLE) + PRICE(c, LEAVE) +
+                       (float)PALP_COUPLING_SEARCHED * PRICE(c, SOUGHT));
 }
 
 /* Solving and ending with so many iterations, at the most points that the level allows. */
@@ -35,7 +35,7 @@ static float fill_all(const palp_contact_cost *c, palp_contact_level l, float pa
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_CONTACT_ITERATIONS) +
-           palp_contact_cost_place(cost) +
+           palp_contact_cost_patches(cost) +
            (float)PALP_LATTICE_FILLINGS * (fill_all(cost, l, cost->patches - cost->tools) +
                                            cost->patches * PRICE(cost, QUANTUM));
 }
@@ -43,7 +43,7 @@ float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
-           palp_contact_cost_place(cost) + fill_all(cost, l, cost->pairs);
+           palp_contact_cost_patches(cost) + fill_all(cost, l, cost->pairs);
 }
 
 size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
@@ -302,7 +302,7 @@ static float doubt(palp_answer *a, const palp_coupling_result *result, bool held
     return most;
 }
 
-/* Keeps the seams up with the posture, with time left for the contact. */
+/* Keeps the seams up with the configuration, with time left for the contact. */
 static void keep_up(palp_answer *a) {
     const palp_deadline d = deadline_of(a);
     palp_moving *m = &a->moving;

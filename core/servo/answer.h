@@ -11,9 +11,9 @@
  * points first, then fewer modes; it comes back when ticks have had time for PALP_ANSWER_CALM_S,
  * twice as late each time that it did not last.
  *
- * Of a multizone model a tick first keeps the seams up with the posture (moving.h), on the finest
- * level that leaves time for the contact. The least answer has time for one pair of zones that
- * touch each other; on the coarsest level those that there is no time for are left out.
+ * Of a multizone model a tick first keeps the seams up with the configuration (moving.h), on the
+ * finest level that leaves time for the contact. The least answer has time for one pair of zones
+ * that touch each other; on the coarsest level those that there is no time for are left out.
  */
 #ifndef PALP_SERVO_ANSWER_H
 #define PALP_SERVO_ANSWER_H
@@ -102,7 +102,7 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
                       palp_coupling_result *result, palp_answer_report *report);
 
 /* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE +
- * LEAVE + PALP_COUPLING_LOOKS SOUGHT). Seams: palp_moving_least. */
+ * LEAVE + PALP_COUPLING_SEARCHED SOUGHT). Seams: palp_moving_least. */
 float palp_answer_cost_around(const palp_contact_cost *cost);
 /* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);

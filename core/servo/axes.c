@@ -65,7 +65,7 @@ void palp_axes_forget(palp_device_axes *axes) {
     for (uint32_t i = 0; i < axes->count; i++) {
         palp_drive_init(&axes->drive[i], axes->drive[i].node);
         axes->joint[i] = (palp_joint){.age = 0};
-        axes->push_Nm[i] = 0.0f;
+        axes->contact_torque_Nm[i] = 0.0f;
     }
 }
 
@@ -86,8 +86,8 @@ static void take_estimate(palp_device_axes *axes, const palp_device *device, uin
         counters->repeated++;
         return;
     }
-    bool pushed =
-        axes->fine && palp_abs(axes->push_Nm[i]) > FROZEN_TORQUE * device->drives.torque_max_Nm;
+    bool pushed = axes->fine && palp_abs(axes->contact_torque_Nm[i]) >
+                                    FROZEN_TORQUE * device->drives.torque_max_Nm;
     j->frozen = pushed && palp_same_bits(q, last) ? j->frozen + 1u : 0u;
 }
 
@@ -122,12 +122,12 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
     for (uint32_t f = 0; f < count; f++) take_frame(axes, device, &frames[f], strict, counters);
     for (uint32_t i = 0; i < axes->count; i++) {
         if (axes->joint[i].age == 0u) palp_joint_velocity(&axes->joint[i], &axes->limits[i], dt_s);
-        palp_joint_place(&axes->joint[i], &axes->limits[i]);
+        palp_joint_believed(&axes->joint[i], &axes->limits[i]);
         if (strict && axes->joint[i].age > 0u) counters->late++;
     }
 }
 
-palp_axes_health palp_axes_look(const palp_device_axes *axes) {
+palp_axes_health palp_axes_check(const palp_device_axes *axes) {
     palp_axes_health h = {
         .heard = true, .configured = true, .well = true, .enabled = true, .homed = axes->homed};
     for (uint32_t i = 0; i < axes->count; i++) {
@@ -149,11 +149,12 @@ palp_axes_health palp_axes_look(const palp_device_axes *axes) {
     return h;
 }
 
-uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device, palp_demand demand,
-                        const float torque_Nm[PALP_AXES], uint64_t tick, palp_can_frame *out) {
+uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device,
+                        palp_drive_request request, const float torque_Nm[PALP_AXES], uint64_t tick,
+                        palp_can_frame *out) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < axes->count; i++) {
-        n += palp_drive_send(&axes->drive[i], &device->drives, demand, torque_Nm[i], out + n);
+        n += palp_drive_send(&axes->drive[i], &device->drives, request, torque_Nm[i], out + n);
     }
     return n + palp_drives_send_shared(&device->drives, tick, out + n);
 }

@@ -19,8 +19,8 @@ typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];
     palp_joint_limits limits[PALP_AXES];
-    float push_Nm[PALP_AXES];  /* motor torques of the touch alone, of the last tick */
-    float zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
+    float contact_torque_Nm[PALP_AXES]; /* motor torques of the touch alone, of the last tick */
+    float zero_rad[PALP_AXES];          /* angle of a joint where its drive reads 0 */
     uint32_t count;
     bool homed; /* it is known; else joints count from 0, and no reading is out of limits */
     bool fine;  /* encoders see a hand's tremor, so that one that stands still is broken */
@@ -56,10 +56,11 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
                     const palp_can_frame *frames, uint32_t count, bool strict,
                     palp_counters *counters);
 
-palp_axes_health palp_axes_look(const palp_device_axes *axes);
+palp_axes_health palp_axes_check(const palp_device_axes *axes);
 
-/* Frames of this tick; `torque_Nm` of the motors is used with the demand TORQUE only. */
-uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device, palp_demand demand,
-                        const float torque_Nm[PALP_AXES], uint64_t tick, palp_can_frame *out);
+/* Frames of this tick; `torque_Nm` of the motors is used with the request TORQUE only. */
+uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device,
+                        palp_drive_request request, const float torque_Nm[PALP_AXES], uint64_t tick,
+                        palp_can_frame *out);
 
 #endif

@@ -4,19 +4,19 @@
 
 #define PRICE(d, kind) ((d)->price.of[PALP_WORK_##kind])
 
-static void lay_out(palp_arena *a, const palp_tets *t, uint32_t spots, void *part[3],
+static void lay_out(palp_arena *a, const palp_tets *t, uint32_t points, void *part[3],
                     size_t bytes[3]) {
     bytes[0] = palp_dyna_memsize(t);
     bytes[1] = palp_adapt_memsize(t);
-    bytes[2] = palp_impose_memsize(t, spots);
+    bytes[2] = palp_impose_memsize(t, points);
     for (uint32_t k = 0; k < 3u; k++) part[k] = palp_take(a, bytes[k], 1);
 }
 
-size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots) {
+size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points) {
     palp_arena a = {NULL, 0};
     void *part[3];
     size_t bytes[3];
-    lay_out(&a, tets, max_spots, part, bytes);
+    lay_out(&a, tets, max_points, part, bytes);
     return a.used;
 }
 
@@ -45,9 +45,9 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
     if (!palp_cost_table_is_sound(&config->cost) || config->port.now_ns == NULL)
         return PALP_ERR_ARGUMENT;
     if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_dynamic_memsize(config->tets, config->max_spots) > bytes)
+    if (memory == NULL || palp_dynamic_memsize(config->tets, config->max_points) > bytes)
         return PALP_ERR_MEMORY;
-    lay_out(&a, config->tets, config->max_spots, part, size);
+    lay_out(&a, config->tets, config->max_points, part, size);
     palp_dynamic *d = dynamic;
     *d = (palp_dynamic){.config = *config, .price = palp_prices_of(&config->cost)};
     palp_status status = palp_dyna_init(&d->dyna, config->tets, &dyna, part[0], size[0]);
@@ -56,7 +56,7 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
     if (status != PALP_OK) return status;
     status =
         palp_impose_init(&d->impose, &d->dyna, config->uniform ? NULL : &d->adapt, config->tools,
-                         config->tool_count, at_m, config->max_spots, part[2], size[2]);
+                         config->tool_count, at_m, config->max_points, part[2], size[2]);
     if (status != PALP_OK) return status;
     float least = palp_dynamic_cost_least(d);
     if (bound_ns != NULL) *bound_ns = least;
@@ -71,16 +71,16 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
 /* ---- bounds ---- */
 
 static float cost_search(const palp_dynamic *d) {
-    float tools = (float)d->config.tool_count, spots = (float)d->config.max_spots;
+    float tools = (float)d->config.tool_count, points = (float)d->config.max_points;
     return (PRICE(d, SKIN) + PRICE(d, SKIN_TOOL) * tools) * (float)d->config.tets->meta->skin +
-           (float)PALP_IMPOSE_LOOKS * spots * (PRICE(d, SPOT) + PRICE(d, ROOM) * spots);
+           (float)PALP_IMPOSE_NARROW_TESTS * points * (PRICE(d, NARROW) + PRICE(d, ROOM) * points);
 }
 
 static float cost_steps(const palp_dynamic *d, float steps) {
     const palp_dyna *b = &d->dyna;
     return steps * (PRICE(d, NODE_STEP) * (float)b->active_count +
-                    PRICE(d, SOURCE) * (float)b->follow_terms +
-                    PRICE(d, SPOT_STEP) * (float)d->config.max_spots);
+                    PRICE(d, SOURCE) * (float)b->interpolation_terms +
+                    PRICE(d, IMPOSED) * (float)d->config.max_points);
 }
 
 static float cost_lists(const palp_dynamic *d) {
@@ -95,7 +95,7 @@ float palp_dynamic_cost_adapt(const palp_dynamic *dynamic) {
     const palp_dynamic *d = dynamic;
     float families = (float)d->config.tets->meta->families;
     return PRICE(d, FAMILY) * families * (1.0f + (float)d->adapt.config.max_changes) +
-           PRICE(d, LOOK) * (float)d->adapt.config.max_looks + cost_lists(d);
+           PRICE(d, ELEMENT_TEST) * (float)d->adapt.config.max_element_tests + cost_lists(d);
 }
 
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class) {
@@ -120,7 +120,7 @@ float palp_dynamic_cost_least(const palp_dynamic *dynamic) {
     float after = palp_max(palp_dynamic_cost_adapt(d), cost_collapse(d));
     return PRICE(d, TICK) + cost_search(d) + PRICE(d, ELEMENT) * tets +
            PRICE(d, NODE_STEP) * (float)m->first_node[1] + PRICE(d, NODE_TICK) * (float)m->nodes +
-           PRICE(d, SPOT_STEP) * (float)d->config.max_spots +
+           PRICE(d, IMPOSED) * (float)d->config.max_points +
            PRICE(d, SOURCE) * 4.0f * (float)m->nodes + after;
 }
 
@@ -190,11 +190,11 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
         palp_dyna_forces(&d->dyna, s, r->steps);
         palp_dyna_move(&d->dyna, r->steps);
         palp_impose_step(&d->impose, s, r->steps);
-        palp_dyna_follow(&d->dyna);
+        palp_dyna_interpolate(&d->dyna);
     }
     palp_impose_end(&d->impose, d->force_N);
     r->evaluations = (uint32_t)(d->dyna.evaluations - before);
-    r->spots = d->impose.count;
+    r->points = d->impose.count;
     r->inside = d->impose.inside;
     r->overflow = (uint32_t)(d->impose.overflow - overflow);
     d->work_ns += (uint64_t)(palp_dynamic_cost_tick(d, most_class) - palp_dynamic_cost_adapt(d));
@@ -219,8 +219,8 @@ void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3
         report->bound_ns = palp_dynamic_cost_tick(d, most_class);
         if (report->collapsed) report->bound_ns += cost_collapse(d) - palp_dynamic_cost_adapt(d);
         run(d, most_class, tool_m, report);
-        report->calmed = palp_energy_watch(&d->energy, &d->dyna,
-                                           work_of_tools(&d->impose, d->force_N), d->changed);
+        report->energy_limited = palp_energy_watch(
+            &d->energy, &d->dyna, work_of_tools(&d->impose, d->force_N), d->changed);
         d->changed = false;
         if (!palp_is_finite(d->energy.total_J)) begin_again(d, report);
         if (!d->config.uniform && !report->collapsed && !report->lost) {

@@ -24,7 +24,7 @@ typedef struct {
     palp_vec3 gravity_m_s2;
     palp_adapt_config adapt;
     const palp_tool *tools; /* kept by reference */
-    uint32_t tool_count, max_spots;
+    uint32_t tool_count, max_points;
     uint32_t most_class; /* finest step: tick / 2^most_class */
     palp_cost_table cost;
     palp_port port;
@@ -37,12 +37,12 @@ typedef struct {
     uint32_t active[PALP_TET_LEVELS]; /* nodes at the end, by level */
     uint32_t elements, interface;     /* at work, at the end */
     palp_adapt_report adapt;
-    uint32_t spots, inside, overflow; /* of the tools */
-    bool shortened;                   /* larger steps than the material asks for, to be in time */
-    bool collapsed;                   /* merged to the coarsest mesh to be in time */
-    bool coasted; /* began too late: the force is the last one, the body stands still */
-    bool calmed;  /* the energy monitor took something out */
-    bool lost;    /* the motion was not finite any more: the body was put back to rest */
+    uint32_t points, inside, overflow; /* of the tools */
+    bool shortened;                    /* larger steps than the material asks for, to be in time */
+    bool collapsed;                    /* merged to the coarsest mesh to be in time */
+    bool coasted;        /* began too late: the force is the last one, the body stands still */
+    bool energy_limited; /* the energy monitor took something out */
+    bool lost;           /* the motion was not finite any more: the body was put back to rest */
     float kinetic_J, total_J;
     float bound_ns; /* that this tick could take at most */
 } palp_dynamic_report;
@@ -59,7 +59,7 @@ typedef struct {
     uint64_t work_ns; /* bounds of what was done so far */
 } palp_dynamic;
 
-size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_spots);
+size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points);
 
 /*
  * Tools begin at at_m. Errors: ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the coarsest mesh with
@@ -73,14 +73,14 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
  * Bounds in ns: sums of named counts times prices (base/price.h), names of prices in capitals.
  *
  * Of a tick as the body stands, with steps no finer than most_class: TICK + skin (SKIN + tools
- * SKIN_TOOL) + 8 spots (SPOT + spots ROOM) + elements due ELEMENT + steps (active NODE_STEP +
- * sources of interface nodes SOURCE + spots SPOT_STEP) + nodes NODE_TICK, and
+ * SKIN_TOOL) + 8 points (NARROW + points ROOM) + elements due ELEMENT + steps (active NODE_STEP +
+ * sources of interface nodes SOURCE + points IMPOSED) + nodes NODE_TICK, and
  * palp_dynamic_cost_adapt.
  */
 float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class);
 
-/* Of measures and changes: families (1 + changes) FAMILY + looks LOOK, and once the lists, nodes
- * LIST_NODE + tets LIST_TET + skin LIST_SKIN + means SOURCE. */
+/* Of measures and changes: families (1 + changes) FAMILY + element tests ELEMENT_TEST, and once the
+ * lists, nodes LIST_NODE + tets LIST_TET + skin LIST_SKIN + means SOURCE. */
 float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 
 /* The coarsest mesh with one step, and adaptivity or the collapse to it: what always has to fit. */

@@ -28,7 +28,7 @@ void palp_moving_init(palp_moving *moving, palp_contact *contact, const palp_pri
     }
     const float sides = contact->pairs ? 2.0f : 1.0f, zones = (float)a->zones->meta->zones;
     m->load_ns = (float)points * sides * 3.0f *
-                     (price->of[PALP_WORK_PLACE] + modes * price->of[PALP_WORK_PLACE_MODE]) +
+                     (price->of[PALP_WORK_POSITION] + modes * price->of[PALP_WORK_POSITION_MODE]) +
                  zones * (float)points * price->of[PALP_WORK_PRESSED] +
                  4.0f * all * price->of[PALP_WORK_SEAM_ROW] +
                  zones * modes * price->of[PALP_WORK_SEAM_MODE];
@@ -67,7 +67,7 @@ static bool make_factor(palp_moving *m, const palp_deadline *d, uint32_t level, 
     bool smooth = m->report.drift <= PALP_REUSE_FAR;
     palp_assembly *a = m->contact->assembly;
     float step_ns = cost_at(m, level)->step;
-    palp_seams_begin(&a->seams, a->posture, level);
+    palp_seams_begin(&a->seams, a->configuration, level);
     /* at most two steps a seam */
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_left_ns(d)) return false;
@@ -87,7 +87,7 @@ static void renew(palp_moving *m, const palp_deadline *d, uint32_t from) {
     (void)make_factor(m, d, PALP_DIAGONAL, 0.0f);
 }
 
-/* A finer factor from spare time, if the posture is still the one that it was made for. */
+/* A finer factor from spare time, if the configuration is still the one that it was made for. */
 static bool take_finer(palp_moving *m, const palp_deadline *d) {
     palp_assembly *a = m->contact->assembly;
     const palp_seam_factor *f = &a->seams.factor[1u - a->seams.now];
@@ -135,10 +135,10 @@ void palp_moving_spare(palp_moving *moving, const palp_deadline *deadline) {
     palp_seams *q = &a->seams;
     uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;
     if (palp_assembly_drift(a) > PALP_REUSE_NEAR || a->level == q->finest) return;
-    if (m->barred == next) return; /* it was not sound, or not affordable, in this posture */
+    if (m->barred == next) return; /* it was not sound, or not affordable, in this configuration */
     if (!m->finer) {
         if (cost_after(m, next) > 0.5f * m->share_ns) return;
-        palp_seams_begin(q, a->posture, next);
+        palp_seams_begin(q, a->configuration, next);
         m->finer = true;
     }
     float step_ns = cost_at(m, next)->step;

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Keeping the seams of a multizone model up with its posture, in what a tick can spare.
+ * Keeping the seams of a multizone model up with its configuration, in what a tick can spare.
  *
- * A tick makes the seams' factor anew when the posture has drifted, on the finest level that leaves
- * time for the contact, giving a level up when the clock says so; below the coarsest is the block
- * diagonal approximation, for which there is always time. While nothing is touched, a factor of a
- * posture near by serves for iterations instead. Spare time makes finer factors while the posture
- * rests.
+ * A tick makes the seams' factor anew when the configuration has drifted, on the finest level that
+ * leaves time for the contact, giving a level up when the clock says so; below the coarsest is the
+ * block diagonal approximation, for which there is always time. While nothing is touched, a factor
+ * of a configuration near by serves for iterations instead. Spare time makes finer factors while
+ * the configuration rests.
  */
 #ifndef PALP_SERVO_MOVING_H
 #define PALP_SERVO_MOVING_H
@@ -27,7 +27,7 @@ typedef struct {
     uint32_t level;   /* of the seams in this answer; PALP_DIAGONAL: the approximation */
     uint32_t aborted; /* levels begun or looked at and given up */
     bool renewed;     /* the factor was made anew */
-    float drift;      /* of the posture off that of the factor before */
+    float drift;      /* of the configuration off that of the factor before */
 } palp_moving_report;
 
 typedef struct {
@@ -38,7 +38,7 @@ typedef struct {
     palp_seam_cost seam_cost[PALP_SEAM_LEVELS + 1u]; /* of each level, then of the approximation */
     float load_ns;                                   /* telling the assembly the contact's forces */
     bool finer;                                      /* a finer factor is under way in spare time */
-    uint32_t barred; /* level that spare time gave up until the posture changes */
+    uint32_t barred; /* level that spare time gave up until the configuration changes */
 } palp_moving;
 
 /* Time left now for a tick, before the deadline of its answer. */
@@ -61,11 +61,11 @@ float palp_moving_least(const palp_moving *moving);
 /* The same with the factor made anew on a level. */
 float palp_moving_cost_of(const palp_moving *moving, uint32_t level);
 
-/* A tick, in the posture that the assembly has been put to, leaving time for the contact. */
+/* A tick, in the configuration that the assembly has been put to, leaving time for the contact. */
 void palp_moving_tick(palp_moving *moving, const palp_deadline *deadline);
 
-/* Time left over: the next finer level while the posture rests, as far as it would leave time for a
- * tick. */
+/* Time left over: the next finer level while the configuration rests, as far as it would leave time
+ * for a tick. */
 void palp_moving_spare(palp_moving *moving, const palp_deadline *deadline);
 
 /* Cost of the seams' level in use. */

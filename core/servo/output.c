@@ -9,7 +9,7 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
     return palp_scale(limit / length, v);
 }
 
-static bool demand_is_finite(const palp_output_demand *d) {
+static bool request_is_finite(const palp_output_request *d) {
     bool good = palp_vec3_is_finite(d->force_N) && palp_is_finite(palp_norm(d->force_N)) &&
                 palp_is_finite(d->stored_J);
     for (uint32_t i = 0; i < PALP_AXES; i++)
@@ -33,9 +33,10 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
 /* The integrator's own torque at motor i. It follows what is wanted with what the touch leaves of
  * the slew limit, and has what the rest of the torque leaves of the motor's. What fades the force
  * (lift) fades it at once. */
-static float feed_forward(palp_output *output, float wanted_Nm, float lift, float touch_Nm,
+static float feed_forward(palp_output *output, float wanted_Nm, float lift, float contact_torque_Nm,
                           float rest_Nm, float limit_Nm, float slew_Nm, uint32_t i, bool *slewed) {
-    const float left = palp_max(slew_Nm - palp_abs(touch_Nm - output->touch_Nm[i]), 0.0f);
+    const float left =
+        palp_max(slew_Nm - palp_abs(contact_torque_Nm - output->contact_torque_Nm[i]), 0.0f);
     const float change = wanted_Nm - output->feedforward_Nm[i];
     *slewed = *slewed || palp_abs(change) > left;
     output->feedforward_Nm[i] += palp_clamp(change, -left, left);
@@ -51,28 +52,28 @@ static float feed_forward(palp_output *output, float wanted_Nm, float lift, floa
  * stays; returns its share.
  */
 static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
-                           palp_vec3 force, const palp_output_demand *demand, float dt_s,
+                           palp_vec3 force, const palp_output_request *request, float dt_s,
                            palp_output_result *r) {
     float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
         slew[PALP_AXES] = {0.0f};
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
     palp_pose_torques(pose, force, touch);
-    palp_device_compensate(device, pose, demand->dq_rad_s, lift, friction);
+    palp_device_compensate(device, pose, request->dq_rad_s, lift, friction);
     torque_slew(device, pose, dt_s, slew);
     for (uint32_t i = 0; i < axes; i++) {
         touch[i] /= device->gear[i];
-        extra[i] = demand->lift * lift[i] + demand->friction * friction[i];
+        extra[i] = request->lift * lift[i] + request->friction * friction[i];
         extra[i] = palp_clamp(extra[i] / device->gear[i], -limit, limit);
         float room = touch[i] > 0.0f ? limit - extra[i] : limit + extra[i];
         if (palp_abs(touch[i]) > room) share = palp_min(share, room / palp_abs(touch[i]));
     }
     for (uint32_t i = 0; i < axes; i++) {
         const float rest = share * touch[i] + extra[i],
-                    wanted = palp_clamp(demand->feedforward_Nm[i], -limit, limit);
-        const float forward = feed_forward(output, wanted, demand->lift, share * touch[i], rest,
+                    wanted = palp_clamp(request->feedforward_Nm[i], -limit, limit);
+        const float forward = feed_forward(output, wanted, request->lift, share * touch[i], rest,
                                            limit, slew[i], i, &r->slewed);
-        r->touch_torque_Nm[i] = output->touch_Nm[i] = share * touch[i];
+        r->contact_torque_Nm[i] = output->contact_torque_Nm[i] = share * touch[i];
         r->motor_torque_Nm[i] = palp_clamp(rest + forward, -limit, limit);
     }
     return share;
@@ -80,21 +81,21 @@ static float motor_torques(palp_output *output, const palp_device *device, const
 
 palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
                                      const palp_passivity_config *passive, const palp_pose *pose,
-                                     const palp_output_demand *demand, float dt_s) {
-    palp_output_result r = {.bad = !demand_is_finite(demand)};
+                                     const palp_output_request *request, float dt_s) {
+    palp_output_result r = {.bad = !request_is_finite(request)};
     if (!r.bad) {
-        palp_vec3 force = shorten(demand->force_N, device->force_max_N, &r.limited);
+        palp_vec3 force = shorten(request->force_N, device->force_max_N, &r.limited);
         if (passive != NULL) {
             const float share =
-                palp_passivity_share(&output->passivity, passive, force, demand->stored_J,
-                                     demand->damped_W, demand->steady);
+                palp_passivity_share(&output->passivity, passive, force, request->stored_J,
+                                     request->damped_W, request->steady);
             r.braked = share < 1.0f;
             force = palp_scale(share, force);
         }
         palp_vec3 change =
             shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
         force = palp_add(output->last_N, change);
-        float share = motor_torques(output, device, pose, force, demand, dt_s, &r);
+        float share = motor_torques(output, device, pose, force, request, dt_s, &r);
         if (share < 1.0f) r.limited = true;
         r.force_N = palp_scale(share, force);
         for (uint32_t i = 0; i < PALP_AXES; i++)
@@ -104,12 +105,12 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
     if (r.bad) {
         r = (palp_output_result){.bad = true};
         for (uint32_t i = 0; i < PALP_AXES; i++)
-            output->touch_Nm[i] = output->feedforward_Nm[i] = 0.0f;
+            output->contact_torque_Nm[i] = output->feedforward_Nm[i] = 0.0f;
     }
     output->last_N = r.force_N;
     float joint_Nm[PALP_AXES] = {0.0f};
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
-        joint_Nm[i] = r.touch_torque_Nm[i] * device->gear[i];
+        joint_Nm[i] = r.contact_torque_Nm[i] * device->gear[i];
     palp_passivity_sent(&output->passivity, passive, joint_Nm);
     return r;
 }

@@ -12,8 +12,8 @@
 #include "core/servo/passivity.h"
 
 typedef struct {
-    palp_vec3 last_N;                                     /* force of the previous tick */
-    float touch_Nm[PALP_AXES], feedforward_Nm[PALP_AXES]; /* its motor torques */
+    palp_vec3 last_N;                                              /* force of the previous tick */
+    float contact_torque_Nm[PALP_AXES], feedforward_Nm[PALP_AXES]; /* its motor torques */
     palp_passivity passivity;
 } palp_output;
 
@@ -25,12 +25,12 @@ typedef struct {
     float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
     float lift, friction; /* shares of the compensation, 0..1; lift also of feed-forward */
-} palp_output_demand;
+} palp_output_request;
 
 typedef struct {
     palp_vec3 force_N; /* at the tip, after all limits, without compensation */
     float motor_torque_Nm[PALP_AXES];
-    float touch_torque_Nm[PALP_AXES]; /* of these, for the touch alone */
+    float contact_torque_Nm[PALP_AXES]; /* of these, for the touch alone */
     bool limited, slewed, braked;
     bool bad; /* something was not finite; force and torques are zero */
 } palp_output_result;
@@ -38,6 +38,6 @@ typedef struct {
 /* `passive` NULL: without the energy limit. */
 palp_output_result palp_output_apply(palp_output *output, const palp_device *device,
                                      const palp_passivity_config *passive, const palp_pose *pose,
-                                     const palp_output_demand *demand, float dt_s);
+                                     const palp_output_request *request, float dt_s);
 
 #endif

@@ -43,7 +43,7 @@ static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
 }
 
 static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *a) {
-    bool steady = seconds(s, s->well_ticks) >= PALP_CHECK_S;
+    bool steady = seconds(s, s->healthy_ticks) >= PALP_CHECK_S;
     bool impatient = seconds(s, s->state_ticks) > PALP_PATIENCE_S;
     /* Whatever state the drives were found in, what they say must be younger than the sequence. */
     uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
@@ -68,7 +68,7 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
             enter(s, PALP_STATE_ENABLING);
         break;
     case PALP_STATE_ENABLING:
-        if (acting && s->well_ticks > 0u)
+        if (acting && s->healthy_ticks > 0u)
             enter(s, PALP_STATE_RUN);
         else if (impatient || (!a->well && seconds(s, s->state_ticks) > PALP_MEND_S))
             s->faults |= PALP_FAULT_ENABLE; /* an error that one clearing does not mend */
@@ -84,9 +84,9 @@ palp_safety_step palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t
     bool reset = (events & PALP_EVENT_RESET) != 0u && (events & PALP_EVENT_ESTOP) == 0u &&
                  palp_state_is_stopped(s->state);
     if (s->state_ticks < TICKS_LIMIT) s->state_ticks += periods;
-    /* Not to have looked is as bad as not to have been told. */
+    /* A skipped tick counts as a missed estimate. */
     s->blind_ticks = axes->age > periods - 1u ? axes->age : periods - 1u;
-    s->well_ticks = axes->age == 0u && periods == 1u ? s->well_ticks + 1u : 0u;
+    s->healthy_ticks = axes->age == 0u && periods == 1u ? s->healthy_ticks + 1u : 0u;
     s->tardy_history = (periods > 31u ? 0u : s->tardy_history << periods) |
                        ((events & PALP_EVENT_LATE) != 0u || periods > 1u ? 1u : 0u);
     if (reset) {
@@ -107,7 +107,7 @@ palp_safety_step palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t
         (seconds(s, s->blind_ticks) > PALP_LATE_S + 0.5f * s->dt_s || repeatedly_late(s)))
         enter(s, PALP_STATE_DAMPING);
     if (s->state == PALP_STATE_DAMPING && s->resume && s->faults == 0u && s->tardy_history == 0u &&
-        seconds(s, s->well_ticks) >= PALP_WELL_S)
+        seconds(s, s->healthy_ticks) >= PALP_HEALTHY_S)
         enter(s, PALP_STATE_RUN);
     palp_safety_latch(s, 0u);
     const bool home = s->state == PALP_STATE_HOMING && (events & PALP_EVENT_HOME) != 0u &&
@@ -130,23 +130,23 @@ float palp_safety_gain(const palp_safety *safety) {
     return safety->entry_gain * palp_max(1.0f - t / PALP_FADE_S, 0.0f);
 }
 
-palp_demand palp_safety_demand(palp_state state) {
+palp_drive_request palp_safety_request(palp_state state) {
     switch (state) {
     case PALP_STATE_INIT:
-        return PALP_DEMAND_PROBE;
+        return PALP_REQUEST_PROBE;
     case PALP_STATE_CONFIG_CHECK:
-        return PALP_DEMAND_CONFIGURE;
+        return PALP_REQUEST_CONFIGURE;
     case PALP_STATE_HOMING:
     case PALP_STATE_READY:
-        return PALP_DEMAND_IDLE;
+        return PALP_REQUEST_IDLE;
     case PALP_STATE_ENABLING:
-        return PALP_DEMAND_ENABLE;
+        return PALP_REQUEST_ENABLE;
     case PALP_STATE_RUN:
     case PALP_STATE_DAMPING:
-        return PALP_DEMAND_TORQUE;
+        return PALP_REQUEST_TORQUE;
     case PALP_STATE_FAULT:
     case PALP_STATE_ESTOP:
         break;
     }
-    return PALP_DEMAND_IDLE;
+    return PALP_REQUEST_IDLE;
 }

@@ -12,7 +12,7 @@
  *   RUN           force, growing from zero in PALP_RAMP_S
  *   DAMPING       after sustained loss, repeated lateness, or energy given to the hand: force
  *                 falls to zero in PALP_FADE_S, then only damping; until a reset (or, if so
- *                 configured and no fault is latched, until all is well for PALP_WELL_S, and then
+ *                 configured and no fault is latched, until all is well for PALP_HEALTHY_S; then
  *                 RUN begins with its ramp)
  *   FAULT         latched: zero torque, drives idle; until a reset
  *   ESTOP         from any state while the operator's stop is pressed, then until a reset
@@ -80,7 +80,7 @@ static inline bool palp_state_is_stopped(palp_state state) {
 #define PALP_CHECK_S 0.02f   /* estimates must come every period for so long */
 #define PALP_PATIENCE_S 5.0f /* for configuring and enabling */
 #define PALP_MEND_S 0.5f     /* for a drive's error to go when it is cleared */
-#define PALP_WELL_S 0.05f
+#define PALP_HEALTHY_S 0.05f
 #define PALP_SETTLE_S                                                                              \
     0.02f                  /* drives get this to act on the enable sequence before being believed */
 #define PALP_FROZEN_S 0.5f /* half of it is counted, all of it is a fault */
@@ -94,7 +94,7 @@ typedef struct {
     uint32_t faults;        /* latched */
     uint32_t state_ticks;   /* since it was entered */
     uint32_t blind_ticks;   /* that the force has been without an estimate, or without a tick */
-    uint32_t well_ticks;    /* in a row, with an estimate of every axis */
+    uint32_t healthy_ticks; /* in a row, with an estimate of every axis */
     uint32_t tardy_history; /* bit per tick, newest lowest */
     float entry_gain;       /* of the force when DAMPING began */
     bool resume;            /* leave DAMPING without a reset */
@@ -122,6 +122,6 @@ void palp_safety_latch(palp_safety *safety, uint32_t faults);
 /* Share of the force that may be sent: 0 but in RUN and the beginning of DAMPING. */
 float palp_safety_gain(const palp_safety *safety);
 
-palp_demand palp_safety_demand(palp_state state);
+palp_drive_request palp_safety_request(palp_state state);
 
 #endif

@@ -128,7 +128,7 @@ static void count_events(palp_counters *c, uint32_t events) {
     c->overflows += (events & PALP_EVENT_OVERFLOW) != 0u ? 1u : 0u;
 }
 
-static void follow_safety(palp_servo *s, palp_safety_step step) {
+static void apply_safety_step(palp_servo *s, palp_safety_step step) {
     if (step == PALP_SAFETY_HOME) palp_axes_home(&s->axes, &s->config.device);
     if (step == PALP_SAFETY_NOTHING || step == PALP_SAFETY_HOME) return;
     s->counters.resets++;
@@ -148,9 +148,9 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     s->counters.overflows += in->count - frames;
     palp_axes_take(&s->axes, &s->config.device, periods, in->frames + (in->count - frames), frames,
                    force, &s->counters);
-    s->health = palp_axes_look(&s->axes);
+    s->health = palp_axes_check(&s->axes);
     if (force && (float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
-    follow_safety(s, palp_safety_tick(&s->safety, in->events, periods, &s->health));
+    apply_safety_step(s, palp_safety_tick(&s->safety, in->events, periods, &s->health));
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
         palp_answer_reset(&s->answer);
         s->output = (palp_output){.last_N = {0.0f, 0.0f, 0.0f}};
@@ -212,17 +212,17 @@ static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report 
 
 /* Where the joints are taken to be, and how fast. */
 static palp_pose look(palp_servo *s, palp_report *r) {
-    float place_rad[PALP_AXES] = {0.0f};
+    float believed_rad[PALP_AXES] = {0.0f};
     s->seen = true;
     for (uint32_t i = 0; i < s->axes.count; i++) {
         const palp_joint *j = &s->axes.joint[i];
         const bool known = j->age <= PALP_JOINT_FORESEEN;
         s->seen = s->seen && j->age == 0u && !(palp_abs(j->shift_rad) > 0.0f);
-        r->joint_rad[i] = place_rad[i] = j->place_rad;
+        r->joint_rad[i] = believed_rad[i] = j->believed_rad;
         r->joint_rad_s[i] = j->dq_rad_s;
         s->certain_rad_s[i] = known ? j->certain_rad_s : 0.0f;
     }
-    const palp_pose pose = palp_forward(&s->config.device.kinematics, place_rad);
+    const palp_pose pose = palp_forward(&s->config.device.kinematics, believed_rad);
     r->tip_m = pose.tip_m;
     r->tip_velocity_m_s = palp_pose_velocity(&pose, r->joint_rad_s);
     s->certain_m_s = palp_pose_velocity(&pose, s->certain_rad_s);
@@ -242,7 +242,7 @@ static void observe(palp_servo *s) {
 
 static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     const palp_pose pose = look(s, r);
-    if (palp_safety_demand(s->safety.state) != PALP_DEMAND_TORQUE) return;
+    if (palp_safety_request(s->safety.state) != PALP_REQUEST_TORQUE) return;
     if (!pose.reachable) {
         palp_safety_latch(&s->safety, PALP_FAULT_INPUT);
         return;
@@ -254,19 +254,19 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     float gain = palp_safety_gain(&s->safety);
     float damped_W = 0.0f;
     palp_vec3 force = wanted_force(s, &pose, r, &damped_W);
-    palp_output_demand demand = {.force_N = force,
-                                 .stored_J = r->stored_J,
-                                 .damped_W = damped_W,
-                                 .steady = gain >= 1.0f && s->seen,
-                                 .lift = gain,
-                                 .friction = fresh ? gain : 0.0f};
+    palp_output_request request = {.force_N = force,
+                                   .stored_J = r->stored_J,
+                                   .damped_W = damped_W,
+                                   .steady = gain >= 1.0f && s->seen,
+                                   .lift = gain,
+                                   .friction = fresh ? gain : 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) {
-        demand.dq_rad_s[i] = r->joint_rad_s[i];
-        demand.feedforward_Nm[i] = in->feedforward_Nm[i];
+        request.dq_rad_s[i] = r->joint_rad_s[i];
+        request.feedforward_Nm[i] = in->feedforward_Nm[i];
     }
     palp_output_result out =
         palp_output_apply(&s->output, &s->config.device, s->config.unguarded ? NULL : &s->passive,
-                          &pose, &demand, s->dt_s);
+                          &pose, &request, s->dt_s);
     if (out.bad) palp_safety_latch(&s->safety, PALP_FAULT_OUTPUT);
     if (out.limited || out.slewed) s->counters.limited++;
     if (out.braked) s->counters.braked++;
@@ -279,7 +279,7 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
         palp_safety_latch(&s->safety, PALP_FAULT_ENERGY);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         r->motor_torque_Nm[i] = out.motor_torque_Nm[i];
-        s->axes.push_Nm[i] = out.touch_torque_Nm[i];
+        s->axes.contact_torque_Nm[i] = out.contact_torque_Nm[i];
     }
 }
 
@@ -294,7 +294,7 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_c
                        .limit = s->answer.limit};
     take_in(s, input);
     run(s, input, r);
-    uint32_t n = palp_axes_send(&s->axes, &s->config.device, palp_safety_demand(s->safety.state),
+    uint32_t n = palp_axes_send(&s->axes, &s->config.device, palp_safety_request(s->safety.state),
                                 r->motor_torque_Nm, r->tick, out);
     r->state = s->safety.state;
     r->faults = s->safety.faults;

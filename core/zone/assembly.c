@@ -7,7 +7,7 @@
 static void lay_out(palp_assembly *a, palp_arena *arena) {
     const palp_zones *z = a->zones;
     size_t n = 3u * (size_t)a->seams.modes;
-    a->posture = palp_take(arena, 1, sizeof *a->posture);
+    a->configuration = palp_take(arena, 1, sizeof *a->configuration);
     a->w = palp_take(arena, n, sizeof(float));
     a->carried = palp_take(arena, n, sizeof(float));
     a->load = palp_take(arena, n, sizeof(float));
@@ -109,8 +109,8 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         if (a->gravity_response[i] != NULL) find_gravity_response(a, i);
     }
-    palp_posture_rest(a->posture, zones);
-    palp_assembly_pose(a, a->posture->value, &a->posture->root);
+    palp_configuration_rest(a->configuration, zones);
+    palp_assembly_pose(a, a->configuration->value, &a->configuration->root);
     palp_assembly_settle(a);
     return PALP_OK;
 }
@@ -132,9 +132,9 @@ void palp_assembly_calm(palp_assembly *assembly) {
 
 void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root) {
     palp_assembly *a = assembly;
-    palp_posture_set(a->posture, a->zones, value, root);
+    palp_configuration_set(a->configuration, a->zones, value, root);
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
-        a->world[i] = palp_posture_world(a->posture, i);
+        a->world[i] = palp_configuration_world(a->configuration, i);
 }
 
 float palp_assembly_drift(const palp_assembly *assembly) {
@@ -142,7 +142,7 @@ float palp_assembly_drift(const palp_assembly *assembly) {
     const palp_seam_factor *f = &a->seams.factor[a->seams.now];
     float most = 0.0f;
     for (uint32_t s = 0; s < a->zones->meta->seams; s++) {
-        float d = palp_frame_distance(&a->posture->relative[s], &f->relative[s],
+        float d = palp_frame_distance(&a->configuration->relative[s], &f->relative[s],
                                       a->zones->seam[s].length_m);
         most = palp_max(most, d);
     }
@@ -155,11 +155,11 @@ static void solve_bare(palp_assembly *a, float *w) {
     const palp_seam_factor *f = palp_seams_factor(q);
     a->level = f->diagonal ? PALP_DIAGONAL : f->level;
     float *r = a->total;
-    palp_seams_mismatch(q, a->posture, f->level, r);
-    palp_seams_gravity(q, a->posture, f->level,
-                       palp_rotate_back(a->posture->root.r, a->gravity_m_s2), r);
+    palp_seams_mismatch(q, a->configuration, f->level, r);
+    palp_seams_gravity(q, a->configuration, f->level,
+                       palp_rotate_back(a->configuration->root.r, a->gravity_m_s2), r);
     if (!f->diagonal && palp_assembly_drift(a) > 0.0f) {
-        (void)palp_seams_iterate(q, a->posture, r, PALP_ASSEMBLY_ITERATIONS, w);
+        (void)palp_seams_iterate(q, a->configuration, r, PALP_ASSEMBLY_ITERATIONS, w);
         return;
     }
     for (uint32_t i = 0; i < 3u * q->modes; i++) w[i] = r[i];
@@ -169,7 +169,7 @@ static void solve_bare(palp_assembly *a, float *w) {
 static void share_out(palp_assembly *a) {
     a->settled++;
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
-        palp_seams_zone(&a->seams, a->posture, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
+        palp_seams_zone(&a->seams, a->configuration, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
 }
 
 void palp_assembly_settle(palp_assembly *assembly) {
@@ -188,8 +188,8 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices
         modes += (float)a->zones->zone[i].modes * (float)a->zones->part[i].seams;
     return (1.0f + (float)PALP_ASSEMBLY_ITERATIONS) *
                palp_seams_cost_solve(&a->seams, price, level) +
-           ((float)PALP_AFFINE_MODES * price->of[PALP_WORK_PLACE_MODE] +
-            price->of[PALP_WORK_PLACE]) *
+           ((float)PALP_AFFINE_MODES * price->of[PALP_WORK_POSITION_MODE] +
+            price->of[PALP_WORK_POSITION]) *
                modes;
 }
 
@@ -214,23 +214,25 @@ float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
     return modes;
 }
 
-void palp_assembly_push(const palp_assembly *assembly, uint32_t level, uint32_t zone, uint32_t node,
-                        float weight, palp_vec3 d, float *felt) {
+void palp_assembly_modal_load(const palp_assembly *assembly, uint32_t level, uint32_t zone,
+                              uint32_t node, float weight, palp_vec3 d, float *felt) {
     const palp_zones *z = assembly->zones;
     const uint32_t at = assembly->node[zone][node].on_seam;
     if (!palp_node_is_fixed(&z->blob[zone], node))
-        palp_zone_feel(z, level, zone, node, weight, d, felt);
+        palp_zone_modal_load(z, level, zone, node, weight, d, felt);
     else if (at != PALP_NONE)
-        palp_zone_feel_seam(z, level, zone, at >> 24u, at & 0xffffffu, palp_scale(weight, d), felt);
+        palp_zone_modal_load_at_seam(z, level, zone, at >> 24u, at & 0xffffffu,
+                                     palp_scale(weight, d), felt);
 }
 
-palp_vec3 palp_assembly_follow(const palp_assembly *assembly, uint32_t level, uint32_t zone,
-                               uint32_t node, const float *u) {
+palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32_t level,
+                                           uint32_t zone, uint32_t node, const float *u) {
     const palp_zones *z = assembly->zones;
     const uint32_t at = assembly->node[zone][node].on_seam;
-    if (!palp_node_is_fixed(&z->blob[zone], node)) return palp_zone_follow(z, level, zone, node, u);
+    if (!palp_node_is_fixed(&z->blob[zone], node))
+        return palp_zone_modal_displacement(z, level, zone, node, u);
     if (at == PALP_NONE) return (palp_vec3){0.0f, 0.0f, 0.0f};
-    return palp_zone_follow_seam(z, level, zone, at >> 24u, at & 0xffffffu, u);
+    return palp_zone_modal_displacement_at_seam(z, level, zone, at >> 24u, at & 0xffffffu, u);
 }
 
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
@@ -238,7 +240,7 @@ palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t no
     const palp_blob *b = &a->zones->blob[zone];
     palp_zone_node *kept = &a->node[zone][node];
     if (kept->when == a->settled) return kept->u_m;
-    palp_vec3 u = palp_assembly_follow(a, a->extent, zone, node, a->bent[zone]);
+    palp_vec3 u = palp_assembly_modal_displacement(a, a->extent, zone, node, a->bent[zone]);
     if (a->gravity_response[zone] != NULL && !palp_node_is_fixed(b, node) &&
         palp_dot(a->gravity_m_s2, a->gravity_m_s2) > 0.0f)
         u = palp_add(u,
@@ -250,7 +252,7 @@ palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t no
     return u;
 }
 
-palp_vec3 palp_assembly_place(palp_assembly *assembly, uint32_t zone, uint32_t node) {
+palp_vec3 palp_assembly_position(palp_assembly *assembly, uint32_t zone, uint32_t node) {
     const palp_vec3 x = palp_vec3_at(assembly->zones->blob[zone].rest_m + 3u * (size_t)node);
     return palp_carry(&assembly->world[zone],
                       palp_add(x, palp_assembly_bent(assembly, zone, node)));
@@ -262,11 +264,12 @@ palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uin
                        palp_vec3_at(a->zones->blob[zone].normal + 3u * (size_t)node));
 }
 
-void palp_assembly_feel(palp_assembly *assembly, uint32_t zone, const float *felt, float *sum) {
+void palp_assembly_add_modal_load(palp_assembly *assembly, uint32_t zone, const float *felt,
+                                  float *sum) {
     palp_assembly *a = assembly;
     palp_seams *q = &a->seams;
     const uint32_t level = palp_seams_factor(q)->level;
-    palp_seams_load(q, a->posture, level, zone, felt, sum);
+    palp_seams_load(q, a->configuration, level, zone, felt, sum);
     palp_seams_load(q, NULL, level, zone, felt, sum + 3u * (size_t)q->modes);
     q->work_done += 24u * a->zones->zone[zone].modes;
 }
@@ -284,8 +287,8 @@ void palp_assembly_answer_of(palp_assembly *assembly, uint32_t zone, const float
     palp_assembly *a = assembly;
     palp_seams *q = &a->seams;
     const uint32_t level = palp_seams_factor(q)->level;
-    palp_seams_spread(q, a->posture, level, zone, sum, u);
-    palp_seams_spread(q, NULL, level, zone, sum + 3u * (size_t)q->modes, q->zone_modes);
+    palp_seams_expand(q, a->configuration, level, zone, sum, u);
+    palp_seams_expand(q, NULL, level, zone, sum + 3u * (size_t)q->modes, q->zone_modes);
     for (uint32_t i = 0; i < 3u * a->zones->zone[zone].modes; i++) u[i] -= q->zone_modes[i];
 }
 
@@ -300,7 +303,7 @@ void palp_assembly_unload(palp_assembly *assembly) {
 void palp_assembly_load(palp_assembly *assembly, uint32_t zone, const float *felt) {
     palp_seams *q = &assembly->seams;
     const uint32_t modes = assembly->zones->zone[zone].modes;
-    palp_seams_load(q, assembly->posture, q->finest, zone, felt, assembly->load);
+    palp_seams_load(q, assembly->configuration, q->finest, zone, felt, assembly->load);
     for (uint32_t i = 0; i < 3u * modes; i++) assembly->pushed[zone][i] += felt[i];
     q->work_done += 15u * modes;
 }
@@ -350,8 +353,8 @@ void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *for
     palp_seams *q = &a->seams;
     const palp_zone_part *part = &a->zones->part[zone];
     palp_vec3 force = {0.0f, 0.0f, 0.0f}, moment = force;
-    palp_seams_reaction(q, a->posture, zone, a->total,
-                        palp_rotate_back(a->posture->root.r, a->gravity_m_s2));
+    palp_seams_reaction(q, a->configuration, zone, a->total,
+                        palp_rotate_back(a->configuration->root.r, a->gravity_m_s2));
     for (uint32_t k = 0; k < part->seams; k++) {
         const palp_seam_entry *e = &a->zones->seam[part->seam[k]];
         for (uint32_t i = 0; i < e->modes; i++) {
@@ -361,7 +364,7 @@ void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *for
             palp_vec3 x = palp_vec3_at(q->zone_modes + 3u * mode);
             if (i < PALP_AFFINE_MODES) {
                 force = palp_madd(force, e->ones[i], f);
-                x = palp_add(x, palp_vec3_at(e->place_m[i]));
+                x = palp_add(x, palp_vec3_at(e->position_m[i]));
             }
             moment = palp_add(moment, palp_cross(x, f));
         }

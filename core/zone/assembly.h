@@ -12,7 +12,7 @@
  * load, and near a seam, which it holds, so is the second, and only their sum is smooth. So bake
  * takes the model at rest as one body (the regular part that its zones' blobs have is common to all
  * of them), and what is left for a tick is how the response of the seams differs from that of the
- * rest posture,
+ * rest configuration,
  *
  *     h^T A^-1 h' - h_0^T A_0^-1 h_0'
  *
@@ -34,7 +34,7 @@ typedef struct {
 typedef struct {
     const palp_zones *zones;
     palp_seams seams;
-    palp_posture *posture;
+    palp_configuration *configuration;
     float length_m;                   /* of the largest seam */
     palp_frame world[PALP_MAX_ZONES]; /* zone -> world */
     palp_vec3 gravity_m_s2;           /* world; set by palp_assembly_gravity */
@@ -52,11 +52,12 @@ typedef struct {
     uint32_t extent; /* level beyond which w, and what is carried, is zero */
 } palp_assembly;
 
-#define PALP_ASSEMBLY_ITERATIONS 4u /* of conjugate gradients with a factor of another posture */
+#define PALP_ASSEMBLY_ITERATIONS                                                                   \
+    4u /* of conjugate gradients with a factor of another configuration */
 
 size_t palp_assembly_memsize(const palp_zones *zones, uint32_t finest);
 
-/* In the rest posture, on the finest level. Errors: those of palp_seams_init. */
+/* In the rest configuration, on the finest level. Errors: those of palp_seams_init. */
 palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
                                void *memory, size_t bytes);
 
@@ -70,13 +71,14 @@ palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleratio
 /* Forgets forces and what a change of level held back. */
 void palp_assembly_calm(palp_assembly *assembly);
 
-/* How far the posture has moved off that of the factor in use: largest change of a rotation's entry
- * or of a place over the seam's size. */
+/* How far the configuration has moved off that of the factor in use: largest change of a rotation's
+ * entry or of a place over the seam's size. */
 float palp_assembly_drift(const palp_assembly *assembly);
 
 /*
- * The seams without contact, by the factor in use: one solve, or where the posture is another than
- * the factor's, PALP_ASSEMBLY_ITERATIONS of conjugate gradients. Then each zone's share of them.
+ * The seams without contact, by the factor in use: one solve, or where the configuration is another
+ * than the factor's, PALP_ASSEMBLY_ITERATIONS of conjugate gradients. Then each zone's share of
+ * them.
  */
 void palp_assembly_settle(palp_assembly *assembly);
 float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices *price,
@@ -92,22 +94,24 @@ float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone);
  * until the next settling; before that 9 a mode of the finest level, and 9. */
 palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node);
 
-/* palp_zone_feel and palp_zone_follow; where a node is on a seam is known here. */
-void palp_assembly_push(const palp_assembly *assembly, uint32_t level, uint32_t zone, uint32_t node,
-                        float weight, palp_vec3 d, float *felt);
-palp_vec3 palp_assembly_follow(const palp_assembly *assembly, uint32_t level, uint32_t zone,
-                               uint32_t node, const float *u);
+/* palp_zone_modal_load and palp_zone_modal_displacement; where a node is on a seam is known here.
+ * */
+void palp_assembly_modal_load(const palp_assembly *assembly, uint32_t level, uint32_t zone,
+                              uint32_t node, float weight, palp_vec3 d, float *felt);
+palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32_t level,
+                                           uint32_t zone, uint32_t node, const float *u);
 
 /* Where a node is without contact, and its rest normal, turned (world, m). */
-palp_vec3 palp_assembly_place(palp_assembly *assembly, uint32_t zone, uint32_t node);
+palp_vec3 palp_assembly_position(palp_assembly *assembly, uint32_t zone, uint32_t node);
 palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node);
 
 /*
- * How the seams answer forces, that of the rest posture taken away: what a zone's seams feel of its
- * forces (palp_zone_feel) is added to `sum`, [2][3 modes], zone by zone; then `sum` is solved for
- * once; then u[M][3] of each zone's seams, in its frame.
+ * How the seams answer forces, that of the rest configuration taken away: what a zone's seams feel
+ * of its forces (palp_zone_modal_load) is added to `sum`, [2][3 modes], zone by zone; then `sum` is
+ * solved for once; then u[M][3] of each zone's seams, in its frame.
  */
-void palp_assembly_feel(palp_assembly *assembly, uint32_t zone, const float *felt, float *sum);
+void palp_assembly_add_modal_load(palp_assembly *assembly, uint32_t zone, const float *felt,
+                                  float *sum);
 void palp_assembly_answer(palp_assembly *assembly, float *sum);
 void palp_assembly_answer_of(palp_assembly *assembly, uint32_t zone, const float *sum, float *u);
 

@@ -19,13 +19,13 @@ static void put(float *x, uint32_t mode, palp_vec3 v) {
 
 /* g of mode k of a seam's second zone. */
 static palp_vec3 mismatch(const palp_seam_entry *e, const palp_frame *f, uint32_t k) {
-    palp_vec3 place = palp_vec3_at(e->place_m[k]);
+    palp_vec3 place = palp_vec3_at(e->position_m[k]);
     palp_vec3 off = palp_madd(place, -e->ones[k], f->t);
     return palp_sub(palp_rotate_back(f->r, off), place);
 }
 
 /* u := T^T w (+ g); modes beyond the level are zero. `relative` NULL: at rest. */
-static void spread(const palp_seams *q, const palp_frame *relative, uint32_t level, uint32_t zone,
+static void expand(const palp_seams *q, const palp_frame *relative, uint32_t level, uint32_t zone,
                    const float *w, bool bent, float *u) {
     const palp_zone_part *part = &q->zones->part[zone];
     for (uint32_t k = 0; k < part->seams; k++) {
@@ -89,7 +89,8 @@ static void stiffness(palp_seams *q, uint32_t zone, uint32_t level, const float 
     }
 }
 
-void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_t level, float *r) {
+void palp_seams_mismatch(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
+                         float *r) {
     palp_seams *q = seams;
     clear(q, r);
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
@@ -102,7 +103,7 @@ void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_
             uint32_t affine = q->zones->seam[s].modes;
             if (affine > PALP_AFFINE_MODES) affine = PALP_AFFINE_MODES;
             for (uint32_t j = 0; j < affine; j++) {
-                palp_vec3 g = mismatch(&q->zones->seam[s], &posture->relative[s], j);
+                palp_vec3 g = mismatch(&q->zones->seam[s], &configuration->relative[s], j);
                 for (uint32_t a = 0; a < part->seams; a++) {
                     uint32_t end = part->first[a] + palp_seam_modes(q, part->seam[a], level);
                     for (uint32_t i = part->first[a]; i < end; i++) {
@@ -115,20 +116,20 @@ void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_
                 }
             }
         }
-        gather(q, posture->relative, level, z, -1.0f, q->zone_forces, r);
+        gather(q, configuration->relative, level, z, -1.0f, q->zone_forces, r);
     }
 }
 
-void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t level,
+void palp_seams_gravity(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
                         palp_vec3 acceleration_m_s2, float *r) {
     palp_seams *q = seams;
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
         if (part->weight == NULL) continue;
-        palp_vec3 local = palp_rotate_back(posture->frame[z].r, acceleration_m_s2);
+        palp_vec3 local = palp_rotate_back(configuration->frame[z].r, acceleration_m_s2);
         for (uint32_t i = 0; i < q->zones->zone[z].modes; i++)
             put(q->zone_forces, i, palp_rotate(part->weight + 9u * i, local));
-        gather(q, posture->relative, level, z, -1.0f, q->zone_forces, r);
+        gather(q, configuration->relative, level, z, -1.0f, q->zone_forces, r);
         q->work_done += 9u * q->zones->zone[z].modes;
     }
 }
@@ -150,28 +151,28 @@ static bool find_on_seam(const palp_zones *zones, uint32_t zone, uint32_t node, 
     return false;
 }
 
-void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                    float weight, palp_vec3 d, float *felt) {
+void palp_zone_modal_load(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
+                          float weight, palp_vec3 d, float *felt) {
     const palp_zone_part *part = &zones->part[zone];
     const palp_blob *b = &zones->blob[zone];
     const palp_vec3 f = palp_scale(weight, d);
     if (!palp_node_is_fixed(b, node)) { /* Betti: G_SF = -G_FS^T */
-        const float *follow =
-            part->follow + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
+        const float *response =
+            part->response + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
         for (uint32_t s = 0; s < part->seams; s++) {
             uint32_t end = part->first[s] + zones->seam[part->seam[s]].level_modes[level];
             for (uint32_t i = part->first[s]; i < end; i++)
-                put(felt, i, palp_add(at(felt, i), palp_rotate_back(follow + 9u * i, f)));
+                put(felt, i, palp_add(at(felt, i), palp_rotate_back(response + 9u * i, f)));
         }
         return;
     }
     uint32_t k, n;
     if (find_on_seam(zones, zone, node, &k, &n))
-        palp_zone_feel_seam(zones, level, zone, k, n, f, felt);
+        palp_zone_modal_load_at_seam(zones, level, zone, k, n, f, felt);
 }
 
-void palp_zone_feel_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
-                         uint32_t i, palp_vec3 f, float *felt) {
+void palp_zone_modal_load_at_seam(const palp_zones *zones, uint32_t level, uint32_t zone,
+                                  uint32_t k, uint32_t i, palp_vec3 f, float *felt) {
     const palp_zone_part *part = &zones->part[zone];
     const palp_seam_entry *e = &zones->seam[part->seam[k]];
     const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
@@ -179,50 +180,53 @@ void palp_zone_feel_seam(const palp_zones *zones, uint32_t level, uint32_t zone,
         put(felt, part->first[k] + m, palp_madd(at(felt, part->first[k] + m), mode[m], f));
 }
 
-void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                     uint32_t zone, const float *felt, float *r) {
-    gather(seams, posture != NULL ? posture->relative : NULL, level, zone, 1.0f, felt, r);
+void palp_seams_load(const palp_seams *seams, const palp_configuration *configuration,
+                     uint32_t level, uint32_t zone, const float *felt, float *r) {
+    gather(seams, configuration != NULL ? configuration->relative : NULL, level, zone, 1.0f, felt,
+           r);
 }
 
-void palp_seams_load_among(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                           uint32_t zone, const float *felt, float *r, size_t stride) {
-    gather_among(seams, posture != NULL ? posture->relative : NULL, level, zone, 1.0f, felt, r,
-                 stride);
+void palp_seams_load_among(const palp_seams *seams, const palp_configuration *configuration,
+                           uint32_t level, uint32_t zone, const float *felt, float *r,
+                           size_t stride) {
+    gather_among(seams, configuration != NULL ? configuration->relative : NULL, level, zone, 1.0f,
+                 felt, r, stride);
 }
 
-void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                     uint32_t zone, const float *w, float *u) {
-    spread(seams, posture->relative, level, zone, w, true, u);
+void palp_seams_zone(const palp_seams *seams, const palp_configuration *configuration,
+                     uint32_t level, uint32_t zone, const float *w, float *u) {
+    expand(seams, configuration->relative, level, zone, w, true, u);
 }
 
-void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                       uint32_t zone, const float *w, float *u) {
-    spread(seams, posture != NULL ? posture->relative : NULL, level, zone, w, false, u);
+void palp_seams_expand(const palp_seams *seams, const palp_configuration *configuration,
+                       uint32_t level, uint32_t zone, const float *w, float *u) {
+    expand(seams, configuration != NULL ? configuration->relative : NULL, level, zone, w, false, u);
 }
 
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                           const float *u) {
+palp_vec3 palp_zone_modal_displacement(const palp_zones *zones, uint32_t level, uint32_t zone,
+                                       uint32_t node, const float *u) {
     const palp_zone_part *part = &zones->part[zone];
     const palp_blob *b = &zones->blob[zone];
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
     if (palp_node_is_fixed(b, node)) {
         uint32_t k, n;
         return find_on_seam(zones, zone, node, &k, &n)
-                   ? palp_zone_follow_seam(zones, level, zone, k, n, u)
+                   ? palp_zone_modal_displacement_at_seam(zones, level, zone, k, n, u)
                    : sum;
     }
-    const float *follow =
-        part->follow + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
+    const float *response =
+        part->response + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
     for (uint32_t k = 0; k < part->seams; k++) {
         uint32_t end = part->first[k] + zones->seam[part->seam[k]].level_modes[level];
         for (uint32_t i = part->first[k]; i < end; i++)
-            sum = palp_add(sum, palp_rotate(follow + 9u * i, at(u, i)));
+            sum = palp_add(sum, palp_rotate(response + 9u * i, at(u, i)));
     }
     return sum;
 }
 
-palp_vec3 palp_zone_follow_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
-                                uint32_t i, const float *u) {
+palp_vec3 palp_zone_modal_displacement_at_seam(const palp_zones *zones, uint32_t level,
+                                               uint32_t zone, uint32_t k, uint32_t i,
+                                               const float *u) {
     const palp_zone_part *part = &zones->part[zone];
     const palp_seam_entry *e = &zones->seam[part->seam[k]];
     const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
@@ -232,24 +236,24 @@ palp_vec3 palp_zone_follow_seam(const palp_zones *zones, uint32_t level, uint32_
     return sum;
 }
 
-void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
+void palp_seams_reaction(palp_seams *seams, const palp_configuration *configuration, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2) {
     palp_seams *q = seams;
     const palp_zone_part *part = &q->zones->part[zone];
-    palp_vec3 local = palp_rotate_back(posture->frame[zone].r, acceleration_m_s2);
-    spread(q, posture->relative, PALP_SEAM_LEVELS - 1u, zone, w, true, q->zone_modes);
+    palp_vec3 local = palp_rotate_back(configuration->frame[zone].r, acceleration_m_s2);
+    expand(q, configuration->relative, PALP_SEAM_LEVELS - 1u, zone, w, true, q->zone_modes);
     stiffness(q, zone, PALP_SEAM_LEVELS - 1u, q->zone_modes, q->zone_forces);
     for (uint32_t i = 0; i < q->zones->zone[zone].modes && part->weight != NULL; i++)
         put(q->zone_forces, i,
             palp_add(at(q->zone_forces, i), palp_rotate(part->weight + 9u * i, local)));
 }
 
-float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
+float palp_seams_energy(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
                         const float *w) {
     palp_seams *q = seams;
     float energy = 0.0f;
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
-        spread(q, posture->relative, level, z, w, true, q->zone_modes);
+        expand(q, configuration->relative, level, z, w, true, q->zone_modes);
         stiffness(q, z, PALP_SEAM_LEVELS - 1u, q->zone_modes, q->zone_forces);
         for (uint32_t i = 0; i < q->zones->zone[z].modes; i++)
             energy += 0.5f * palp_dot(at(q->zone_modes, i), at(q->zone_forces, i));
@@ -259,14 +263,14 @@ float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t
 
 /* ---- conjugate gradients ---- */
 
-/* out := A p on the level of the factor, for the posture given. */
-static void product(palp_seams *q, const palp_posture *posture, uint32_t level, const float *p,
-                    float *out) {
+/* out := A p on the level of the factor, for the configuration given. */
+static void product(palp_seams *q, const palp_configuration *configuration, uint32_t level,
+                    const float *p, float *out) {
     clear(q, out);
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
-        spread(q, posture->relative, level, z, p, false, q->zone_modes);
+        expand(q, configuration->relative, level, z, p, false, q->zone_modes);
         stiffness(q, z, level, q->zone_modes, q->zone_forces);
-        gather(q, posture->relative, level, z, 1.0f, q->zone_forces, out);
+        gather(q, configuration->relative, level, z, 1.0f, q->zone_forces, out);
         q->work_done += 24u * q->zones->zone[z].modes;
     }
 }
@@ -277,7 +281,7 @@ static float dot(const palp_seams *q, const float *x, const float *y) {
     return sum;
 }
 
-float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const float *r,
+float palp_seams_iterate(palp_seams *seams, const palp_configuration *configuration, const float *r,
                          uint32_t iterations, float *w) {
     palp_seams *q = seams;
     uint32_t level = palp_seams_factor(q)->level;
@@ -294,7 +298,7 @@ float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const f
     for (uint32_t i = 0; i < 3u * q->modes; i++) p[i] = z[i];
     float first = dot(q, rest, z), now = first;
     for (uint32_t k = 0; k < iterations && now > 1e-12f * first; k++) {
-        product(q, posture, level, p, ap);
+        product(q, configuration, level, p, ap);
         float curvature = dot(q, p, ap);
         if (!(curvature > 0.0f)) break;
         float step = now / curvature;

@@ -238,7 +238,7 @@ static void interpolate(palp_seams *q, palp_seam_factor *f, uint32_t s, const fl
     q->work_done += 2u * size + n * n * n / 6u;
 }
 
-static void begin(palp_seams *seams, palp_seam_factor *f, const palp_posture *posture,
+static void begin(palp_seams *seams, palp_seam_factor *f, const palp_configuration *configuration,
                   uint32_t level) {
     uint32_t n = seams->zones->meta->seams;
     f->diagonal = level == PALP_DIAGONAL;
@@ -247,14 +247,14 @@ static void begin(palp_seams *seams, palp_seam_factor *f, const palp_posture *po
     f->sound = true;
     f->step = 0;
     f->steps = 2u * n;
-    for (uint32_t s = 0; s < n; s++) f->relative[s] = posture->relative[s];
+    for (uint32_t s = 0; s < n; s++) f->relative[s] = configuration->relative[s];
     if (!f->diagonal) return;
-    for (uint32_t s = 0; s < n; s++) interpolate(seams, f, s, posture->value);
+    for (uint32_t s = 0; s < n; s++) interpolate(seams, f, s, configuration->value);
     f->step = f->steps;
 }
 
-void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t level) {
-    begin(seams, &seams->factor[1u - seams->now], posture, level);
+void palp_seams_begin(palp_seams *seams, const palp_configuration *configuration, uint32_t level) {
+    begin(seams, &seams->factor[1u - seams->now], configuration, level);
 }
 
 static bool step(palp_seams *seams, palp_seam_factor *f) {
@@ -278,8 +278,9 @@ bool palp_seams_take(palp_seams *seams) {
     return true;
 }
 
-palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level) {
-    palp_seams_begin(seams, posture, level);
+palp_status palp_seams_refresh(palp_seams *seams, const palp_configuration *configuration,
+                               uint32_t level) {
+    palp_seams_begin(seams, configuration, level);
     /* at most two steps a seam */
     while (palp_seams_step(seams)) {}
     return palp_seams_take(seams) ? PALP_OK : PALP_ERR_NOT_SPD;
@@ -497,8 +498,8 @@ static bool make_samples(palp_seams *q, uint32_t s) {
     uint32_t joint = q->zones->seam[s].joint;
     size_t n = unknowns(q, s, PALP_DIAGONAL);
     float value[PALP_MAX_JOINTS] = {0}, *block = f->block + f->link[s].offset[0];
-    palp_posture *posture = q->spare;
-    palp_posture_rest(posture, q->zones);
+    palp_configuration *configuration = q->spare;
+    palp_configuration_rest(configuration, q->zones);
     f->level = PALP_DIAGONAL_LEVEL < q->finest ? PALP_DIAGONAL_LEVEL : q->finest;
     for (uint32_t k = 0; k < PALP_DIAGONAL_SAMPLES; k++) {
         float *inverse = q->sample[s] + k * n * n;
@@ -506,9 +507,10 @@ static bool make_samples(palp_seams *q, uint32_t s) {
             const palp_joint_entry *j = &q->zones->joint[joint];
             float share = (float)k / (float)(PALP_DIAGONAL_SAMPLES - 1u);
             value[joint] = j->low + share * (j->high - j->low);
-            palp_posture_set(posture, q->zones, value, &posture->root);
+            palp_configuration_set(configuration, q->zones, value, &configuration->root);
         }
-        for (uint32_t t = 0; t < q->zones->meta->seams; t++) f->relative[t] = posture->relative[t];
+        for (uint32_t t = 0; t < q->zones->meta->seams; t++)
+            f->relative[t] = configuration->relative[t];
         assemble_row(q, f, s);
         if (palp_chol_factor(block, n, n) != PALP_OK) return false;
         for (size_t i = 0; i < n; i++) {
@@ -534,7 +536,7 @@ palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t
     for (uint32_t s = 0; s < zones->meta->seams; s++) {
         if (!make_samples(q, s)) return PALP_ERR_NOT_SPD;
     }
-    palp_posture_rest(q->spare, zones);
+    palp_configuration_rest(q->spare, zones);
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
         if (k > finest && k < PALP_SEAM_LEVELS) continue;
         begin(q, &q->rest[k], q->spare, rest_level(k));

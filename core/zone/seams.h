@@ -27,7 +27,7 @@
 
 #include "core/budget/price.h"
 #include "core/base/arena.h"
-#include "core/zone/posture.h"
+#include "core/zone/configuration.h"
 
 #define PALP_MAX_PARTNERS 12u     /* later seams that a seam meets, fill included */
 #define PALP_DIAGONAL_SAMPLES 9u  /* of each joint's range */
@@ -43,7 +43,7 @@ typedef struct {
 typedef struct {
     float *block;          /* the blocks of R, or the approximation's */
     palp_seam_links *link; /* [seams] where they are */
-    palp_frame *relative;  /* [seams] posture that it belongs to */
+    palp_frame *relative;  /* [seams] configuration that it belongs to */
     uint32_t level;        /* of the modes it knows */
     uint32_t step, steps;  /* done, and to be done */
     bool diagonal, sound;
@@ -55,10 +55,10 @@ typedef struct {
     uint32_t finest; /* level that memory is there for */
     uint32_t modes;  /* of all seams on it */
     uint32_t first_mode[PALP_MAX_SEAMS];
-    palp_posture *spare;        /* for opening */
+    palp_configuration *spare;  /* for opening */
     palp_seam_factor factor[2]; /* in use, and being made */
     uint32_t now;
-    palp_seam_factor rest[PALP_SEAM_LEVELS + 1u]; /* in the rest posture; last: diagonal */
+    palp_seam_factor rest[PALP_SEAM_LEVELS + 1u]; /* in the rest configuration; last: diagonal */
     float *sample[PALP_MAX_SEAMS];   /* [PALP_DIAGONAL_SAMPLES][n][n] inverses of diagonal blocks */
     float *work[4];                  /* vectors */
     float *zone_modes, *zone_forces; /* [largest M][3] */
@@ -69,9 +69,9 @@ size_t palp_seams_memsize(const palp_zones *zones, uint32_t finest);
 
 /*
  * Lays out in `memory` (64-byte aligned, owned by the caller), makes the samples of the block
- * diagonal approximation and, as far as `finest` goes, the factor of the rest posture. Errors:
- * LIMITS (finest, or a seam with too many partners), MEMORY, ALIGNMENT, NOT_SPD when the model is
- * not held.
+ * diagonal approximation and, as far as `finest` goes, the factor of the rest configuration.
+ * Errors: LIMITS (finest, or a seam with too many partners), MEMORY, ALIGNMENT, NOT_SPD when the
+ * model is not held.
  */
 palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t finest,
                             void *memory, size_t bytes);
@@ -84,18 +84,19 @@ static inline const palp_seam_factor *palp_seams_factor(const palp_seams *seams)
 }
 
 /*
- * Makes the factor for a posture beside the one in use, in steps: begin, then step until it returns
- * false, then take, which puts it to use; false if it is not positive definite. With N = 3 modes of
- * a seam, b = 1 + its partners: a step assembles one row of blocks (about 6 N^2 b) or eliminates
- * one seam (N^3 / 6 + N^3 b (b - 1) / 2 + ...). There are two steps a seam, for the approximation
- * one (N^3 / 6 + 3 N^2).
+ * Makes the factor for a configuration beside the one in use, in steps: begin, then step until it
+ * returns false, then take, which puts it to use; false if it is not positive definite. With N = 3
+ * modes of a seam, b = 1 + its partners: a step assembles one row of blocks (about 6 N^2 b) or
+ * eliminates one seam (N^3 / 6 + N^3 b (b - 1) / 2 + ...). There are two steps a seam, for the
+ * approximation one (N^3 / 6 + 3 N^2).
  */
-void palp_seams_begin(palp_seams *seams, const palp_posture *posture, uint32_t level);
+void palp_seams_begin(palp_seams *seams, const palp_configuration *configuration, uint32_t level);
 bool palp_seams_step(palp_seams *seams);
 bool palp_seams_take(palp_seams *seams);
 
 /* All of that. Errors: NOT_SPD, the factor in use then stays. */
-palp_status palp_seams_refresh(palp_seams *seams, const palp_posture *posture, uint32_t level);
+palp_status palp_seams_refresh(palp_seams *seams, const palp_configuration *configuration,
+                               uint32_t level);
 
 /*
  * What all steps on `level` cost at most, and the longest one, in the unit of the prices (names of
@@ -112,11 +113,12 @@ float palp_seams_cost_forward(const palp_seams *seams, const palp_prices *price,
  * over links + sum over zones M (M + 30)) SEAM_DOT. */
 float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level);
 
-/* r := - sum T K g: what the mismatch of the posture asks for. `level` bounds the modes. */
-void palp_seams_mismatch(palp_seams *seams, const palp_posture *posture, uint32_t level, float *r);
+/* r := - sum T K g: what the mismatch of the configuration asks for. `level` bounds the modes. */
+void palp_seams_mismatch(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
+                         float *r);
 
 /* r -= weight: gravity, `acceleration` in the frame of zone 0. */
-void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t level,
+void palp_seams_gravity(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
                         palp_vec3 acceleration_m_s2, float *r);
 
 /*
@@ -124,24 +126,26 @@ void palp_seams_gravity(palp_seams *seams, const palp_posture *posture, uint32_t
  * felt[M][3] in the modes of `level`: weight H^T d of a free node, weight q d of one on a seam,
  * nothing of a bone. Cost: 9 a mode.
  */
-void palp_zone_feel(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                    float weight, palp_vec3 d, float *felt);
+void palp_zone_modal_load(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
+                          float weight, palp_vec3 d, float *felt);
 /* The same of a force f at the i-th node of the zone's k-th seam, where that is known: the others
  * look through all nodes of its seams for it. */
-void palp_zone_feel_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
-                         uint32_t i, palp_vec3 f, float *felt);
+void palp_zone_modal_load_at_seam(const palp_zones *zones, uint32_t level, uint32_t zone,
+                                  uint32_t k, uint32_t i, palp_vec3 f, float *felt);
 
-/* r += T of what a zone's seams feel, on `level`. With posture NULL: in the rest posture. */
-void palp_seams_load(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                     uint32_t zone, const float *felt, float *r);
+/* r += T of what a zone's seams feel, on `level`. With configuration NULL: in the rest
+ * configuration. */
+void palp_seams_load(const palp_seams *seams, const palp_configuration *configuration,
+                     uint32_t level, uint32_t zone, const float *felt, float *r);
 /* The same into one of several vectors side by side: r[i stride]. */
-void palp_seams_load_among(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                           uint32_t zone, const float *felt, float *r, size_t stride);
+void palp_seams_load_among(const palp_seams *seams, const palp_configuration *configuration,
+                           uint32_t level, uint32_t zone, const float *felt, float *r,
+                           size_t stride);
 
 /* x := A^-1 x, with the factor in use. */
 void palp_seams_solve(palp_seams *seams, float *x);
 
-/* The factor of the rest posture on the level of the one in use. */
+/* The factor of the rest configuration on the level of the one in use. */
 const palp_seam_factor *palp_seams_at_rest(const palp_seams *seams);
 
 /*
@@ -157,36 +161,37 @@ void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, 
 void palp_seams_backward(palp_seams *seams, const palp_seam_factor *factor, float *x);
 
 /*
- * A w = r for the given posture by `iterations` steps of conjugate gradients, preconditioned by the
- * factor in use, from w = 0; returns |r - A w| / |r| in the preconditioner's norm. On the factor's
- * level. Where the factor is of a posture near by, a few steps replace a factorisation: cost is
- * iterations times palp_seams_cost_solve.
+ * A w = r for the given configuration by `iterations` steps of conjugate gradients, preconditioned
+ * by the factor in use, from w = 0; returns |r - A w| / |r| in the preconditioner's norm. On the
+ * factor's level. Where the factor is of a configuration near by, a few steps replace a
+ * factorisation: cost is iterations times palp_seams_cost_solve.
  */
-float palp_seams_iterate(palp_seams *seams, const palp_posture *posture, const float *r,
+float palp_seams_iterate(palp_seams *seams, const palp_configuration *configuration, const float *r,
                          uint32_t iterations, float *w);
 
 /* What zone z sees of w: u = T^T w + g, [M][3] in its own frame. */
-void palp_seams_zone(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                     uint32_t zone, const float *w, float *u);
+void palp_seams_zone(const palp_seams *seams, const palp_configuration *configuration,
+                     uint32_t level, uint32_t zone, const float *w, float *u);
 
-/* The same without the mismatch: u = T^T w; with posture NULL in the rest posture. */
-void palp_seams_spread(const palp_seams *seams, const palp_posture *posture, uint32_t level,
-                       uint32_t zone, const float *w, float *u);
+/* The same without the mismatch: u = T^T w; with configuration NULL in the rest configuration. */
+void palp_seams_expand(const palp_seams *seams, const palp_configuration *configuration,
+                       uint32_t level, uint32_t zone, const float *w, float *u);
 
 /* What the neighbours exert at the seams of a zone, K (T^T w + g) + weight, in zone_forces, and the
  * displacements there in zone_modes: [M][3] in the zone's frame. Tools' part is left out. */
-void palp_seams_reaction(palp_seams *seams, const palp_posture *posture, uint32_t zone,
+void palp_seams_reaction(palp_seams *seams, const palp_configuration *configuration, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2);
 
 /* Displacement of a node of a zone by its seam modes u (m, zone's frame), those beyond `level`
  * being zero. 9 a mode; of a node on a seam 3 a mode of that. */
-palp_vec3 palp_zone_follow(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                           const float *u);
-palp_vec3 palp_zone_follow_seam(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t k,
-                                uint32_t i, const float *u);
+palp_vec3 palp_zone_modal_displacement(const palp_zones *zones, uint32_t level, uint32_t zone,
+                                       uint32_t node, const float *u);
+palp_vec3 palp_zone_modal_displacement_at_seam(const palp_zones *zones, uint32_t level,
+                                               uint32_t zone, uint32_t k, uint32_t i,
+                                               const float *u);
 
 /* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */
-float palp_seams_energy(palp_seams *seams, const palp_posture *posture, uint32_t level,
+float palp_seams_energy(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
                         const float *w);
 
 #endif

@@ -60,7 +60,7 @@ static void check_seam(palp_reader *r, const palp_zones *z, uint32_t s) {
         palp_reader_require(r, e->level_modes[l] >= e->level_modes[l - 1u]);
     palp_reader_require(r, e->level_modes[PALP_SEAM_LEVELS - 1u] == e->modes);
     palp_reader_require(r, finite(e->ones, PALP_AFFINE_MODES) &&
-                               finite(e->place_m[0], 3u * PALP_AFFINE_MODES));
+                               finite(e->position_m[0], 3u * PALP_AFFINE_MODES));
     if (e->joint == PALP_NONE || r->status != PALP_OK) return;
     palp_reader_require(r, e->joint < z->meta->joints);
     if (r->status != PALP_OK) return;
@@ -128,8 +128,8 @@ static void read_zone(palp_reader *r, palp_zones *z, uint32_t i) {
     z->nodes += m->nodes;
     p->stiffness =
         palp_reader_floats(r, PALP_SEC_STIFFNESS + i, (uint64_t)modes * (modes + 1u) / 2u, 9);
-    p->follow =
-        palp_reader_floats(r, PALP_SEC_FOLLOW + i, (uint64_t)m->domain_nodes[PALP_FREE] * modes, 9);
+    p->response = palp_reader_floats(r, PALP_SEC_SEAM_RESPONSE + i,
+                                     (uint64_t)m->domain_nodes[PALP_FREE] * modes, 9);
     p->reaction = palp_reader_floats(r, PALP_SEC_REACTION + i,
                                      (uint64_t)m->domain_nodes[PALP_FIXED] * modes, 9);
     if (palp_reader_has(r, PALP_SEC_WEIGHT + i))

@@ -10,7 +10,7 @@
  * level. In these modes, with M the modes of all seams of a zone,
  *
  *     stiffness   K = Q^T M Xi_SS Q   [M][M], symmetric (N/m; M makes tractions forces)
- *     follow      H = Xi_FS Q         displacement of each free node
+ *     response      H = Xi_FS Q         displacement of each free node
  *     reaction                        force on each fixed node
  *     weight                          force at the seams for unit acceleration
  *
@@ -22,9 +22,9 @@
 #include "core/blob/blob.h"
 
 typedef struct {
-    const float *stiffness, *follow, *reaction, *weight; /* weight: NULL without gravity */
-    uint32_t seams, seam[PALP_MAX_ZONE_SEAMS];           /* ascending */
-    uint32_t first[PALP_MAX_ZONE_SEAMS];                 /* mode of the zone that is its first */
+    const float *stiffness, *response, *reaction, *weight; /* weight: NULL without gravity */
+    uint32_t seams, seam[PALP_MAX_ZONE_SEAMS];             /* ascending */
+    uint32_t first[PALP_MAX_ZONE_SEAMS];                   /* mode of the zone that is its first */
     uint32_t first_node; /* when the nodes of all zones are counted */
 } palp_zone_part;
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * A controller without an operating system: opens the blob in flash, and ticks with a device whose
- * joints go round (orbit.h) until TICKS are done. Prints what the image takes, what its ticks
- * took, and a hash of every frame and force, which is the same on every machine.
+ * joints go round (test_trajectory.h) until TICKS are done. Prints what the image takes, what its
+ * ticks took, and a hash of every frame and force, which is the same on every machine.
  */
 #include "port/cortexm/semihost.h"
-#include "port/cortexm/orbit.h"
+#include "port/cortexm/test_trajectory.h"
 #include "port/cortexm/systick.h"
 
 #ifndef TICKS
@@ -27,7 +27,7 @@ extern uint8_t data_begin, bss_end, data_load, data_end;
 int main(void);
 
 static _Alignas(64) uint8_t memory[MEMORY_BYTES];
-static orbit device;
+static test_trajectory device;
 static uint64_t hash = 1469598103934665603ull;
 
 static void print_number(const char *before, uint64_t number, const char *after) {
@@ -88,13 +88,13 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
     palp_can_frame in[PALP_AXES], out[PALP_SERVO_FRAMES_OUT];
     palp_report r;
     float q[PALP_AXES];
-    orbit_path(i, i < STATE_TICKS ? 0.0f : 0.12f, q);
-    orbit_speak(&device, &config->device, q, in);
+    trajectory_path(i, i < STATE_TICKS ? 0.0f : 0.12f, q);
+    trajectory_speak(&device, &config->device, q, in);
     const palp_tick_input input = {.frames = in, .count = PALP_AXES};
     uint64_t begun = systick_instructions();
     uint32_t sent = palp_servo_tick(servo, &input, out, &r);
     uint64_t took = systick_instructions() - begun;
-    orbit_listen(&device, &config->device, out, sent);
+    trajectory_listen(&device, &config->device, out, sent);
     for (uint32_t k = 0; k < sent; k++) mix(out[k].data, out[k].length);
     mix(&r.force_N, sizeof r.force_N);
     if (r.state != PALP_STATE_RUN) return;
@@ -140,7 +140,7 @@ int main(void) {
         semihost_print(palp_status_text(status));
         return 1;
     }
-    palp_servo_config config = orbit_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
+    palp_servo_config config = trajectory_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
     config.finest = FINEST;
     config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
     config.port = (palp_port){systick_now_ns, NULL};

@@ -170,7 +170,7 @@ static void set_key(void *context, const argument *a) {
     } else if (strcmp(o, "--node") == 0) {
         for (int i = 0; i < a->count; i++) p->node_id[i] = (uint8_t)arg_u32(a, i, 0, 126);
     } else if (strcmp(o, "--lift") == 0) {
-        p->compensation.lift_N =
+        p->compensation.gravity_compensation_N =
             (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
     } else if (strcmp(o, "--friction") == 0) {
         r->d.friction_N = arg_between(a, 0, 1e3);

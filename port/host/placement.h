@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Brings a body of any size and pose under the tool of a device. */
-#ifndef PALP_SIM_PLACEMENT_H
-#define PALP_SIM_PLACEMENT_H
+#ifndef PALP_HOST_PLACEMENT_H
+#define PALP_HOST_PLACEMENT_H
 
 #include "core/servo/servo.h"
 

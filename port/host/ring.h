@@ -33,7 +33,7 @@ static inline void ring_end(ring *r) {
 }
 
 /* The oldest full slot, or NULL. */
-static inline void *ring_look(ring *r) {
+static inline void *ring_peek(ring *r) {
     size_t tail = atomic_load_explicit(&r->tail, memory_order_relaxed);
     if (atomic_load_explicit(&r->head, memory_order_acquire) == tail) return NULL;
     return r->memory + tail % r->slots * r->bytes;

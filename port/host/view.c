@@ -245,8 +245,8 @@ void view_posed(FILE *f, const view_body *body, uint32_t bodies, const view_cyli
         for (uint32_t n = 0; n < body[i].nodes; n++) {
             largest = fmax(largest, (double)body[i].heat[n]);
             for (uint32_t k = 0; k < 3; k++) {
-                low[k] = fmin(low[k], (double)body[i].place_m[3 * n + k]);
-                high[k] = fmax(high[k], (double)body[i].place_m[3 * n + k]);
+                low[k] = fmin(low[k], (double)body[i].position_m[3 * n + k]);
+                high[k] = fmax(high[k], (double)body[i].position_m[3 * n + k]);
             }
         }
     }
@@ -260,7 +260,7 @@ void view_posed(FILE *f, const view_body *body, uint32_t bodies, const view_cyli
             for (int k = 0; k < 3; k++) {
                 uint32_t n = body[i].triangle[3 * t + (uint32_t)k];
                 warm += (double)body[i].heat[n] / largest / 3;
-                for (uint32_t a = 0; a < 3; a++) x[k][a] = (double)body[i].place_m[3 * n + a];
+                for (uint32_t a = 0; a < 3; a++) x[k][a] = (double)body[i].position_m[3 * n + a];
             }
             add_face(faces, &count, &c, x, warm, false);
         }

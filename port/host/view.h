@@ -17,7 +17,7 @@ void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, cons
 typedef struct {
     uint32_t nodes, triangles;
     const uint32_t *triangle;
-    const float *place_m, *heat; /* [nodes][3], [nodes] displacement */
+    const float *position_m, *heat; /* [nodes][3], [nodes] displacement */
 } view_body;
 
 typedef struct {

@@ -80,7 +80,7 @@ static const option options[] = {
 #define MAX_RECORDED 2000000u
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
 #define RING_SLOTS 2048u
-#define LOOK_NS 2000000 /* between looks at the ring */
+#define POLL_NS 2000000 /* between looks at the ring */
 #define DDS_HZ 100.0
 #define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
 
@@ -228,14 +228,14 @@ typedef struct {
     peak peak;
     run_record record;
     size_t capacity;
-    uint64_t digest, followed, last_tick;
+    uint64_t digest, taken, last_tick;
     palp_counters counters;
     palp_state last_state;
     bool state_shown;
-} follower;
+} consumer;
 
 /* Says at once when the state changes, so that nobody waits for a device that is not there. */
-static void announce(follower *f, const palp_report *r) {
+static void announce(consumer *f, const palp_report *r) {
     if (f->state_shown && r->state == f->last_state) return;
     f->state_shown = true;
     f->last_state = r->state;
@@ -256,9 +256,9 @@ static void announce(follower *f, const palp_report *r) {
     }
 }
 
-static void follow_tick(follower *f, const tick_record *t) {
+static void consume_tick(consumer *f, const tick_record *t) {
     const palp_report *r = &t->report;
-    uint64_t lost = f->followed > 0 ? r->tick - f->last_tick - 1 : r->tick;
+    uint64_t lost = f->taken > 0 ? r->tick - f->last_tick - 1 : r->tick;
     if (f->log != NULL) {
         if (lost > 0) record_write_gap(f->log, t->time_s, lost);
         record_write_tick(f->log, f->loop->memory != NULL ? "loop" : f->spec->bus, t);
@@ -267,7 +267,7 @@ static void follow_tick(follower *f, const tick_record *t) {
     f->digest = t->digest;
     f->counters = t->counters;
     keep_peak(&f->peak, t);
-    size_t at = (size_t)(f->followed++ % f->capacity); /* a longer run keeps its last ticks */
+    size_t at = (size_t)(f->taken++ % f->capacity); /* a longer run keeps its last ticks */
     f->record.tick[at] = *r;
     if (f->record.late_us != NULL) f->record.late_us[at] = t->late_us;
     if (f->record.count < f->capacity) f->record.count++;
@@ -277,12 +277,12 @@ static void follow_tick(follower *f, const tick_record *t) {
     announce(f, r);
 }
 
-static void follow(follower *f) {
-    const struct timespec moment = {.tv_nsec = LOOK_NS};
+static void consume(consumer *f) {
+    const struct timespec moment = {.tv_nsec = POLL_NS};
     for (;;) {
         bool last = f->loop->finished;
-        for (tick_record *t; (t = ring_look(&f->loop->ring)) != NULL;) {
-            follow_tick(f, t);
+        for (tick_record *t; (t = ring_peek(&f->loop->ring)) != NULL;) {
+            consume_tick(f, t);
             ring_release(&f->loop->ring);
         }
         if (last) return;
@@ -292,10 +292,10 @@ static void follow(follower *f) {
 }
 
 /* Both rings in the order of time. */
-static void unroll(follower *f) {
+static void unroll(consumer *f) {
     run_record *r = &f->record;
-    size_t start = (size_t)(f->followed % f->capacity);
-    if (f->followed <= f->capacity || start == 0) return;
+    size_t start = (size_t)(f->taken % f->capacity);
+    if (f->taken <= f->capacity || start == 0) return;
     palp_report *tick = allocate(r->count, sizeof *tick);
     float *late_us = r->late_us != NULL ? allocate(r->count, sizeof *late_us) : NULL;
     for (size_t i = 0; i < r->count; i++) {
@@ -373,17 +373,17 @@ static void handle_signals(void) {
 }
 
 /* The loop's thread takes no signals: they would wake it early. */
-static void run(follower *f) {
+static void run(consumer *f) {
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     pthread_t thread = realtime_start(&f->spec->realtime, "palp-loop", loop_run, f->loop);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
-    follow(f);
+    consume(f);
     pthread_join(thread, NULL);
 }
 
-static int conclude(const daemon_spec *s, const follower *f) {
+static int conclude(const daemon_spec *s, const consumer *f) {
     const run_record *r = &f->record;
     const palp_report *last = &r->tick[r->count - 1];
     if (s->lockstep)
@@ -477,7 +477,7 @@ int main(int argc, char **argv) {
     /* Every page is touched now, locked or not, so that the loop never faults. */
     memset(loop->ring.memory, 1, RING_SLOTS * sizeof(tick_record));
 
-    follower f = {.spec = &s, .loop = loop, .device = &file.device, .log = log.file};
+    consumer f = {.spec = &s, .loop = loop, .device = &file.device, .log = log.file};
     f.capacity =
         s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
     f.record = (run_record){.tick = allocate(f.capacity, sizeof *f.record.tick),

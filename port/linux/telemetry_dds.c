@@ -14,7 +14,7 @@
 #include <time.h>
 
 #define SLOTS 256u
-#define LOOK_NS 2000000
+#define POLL_NS 2000000
 
 typedef struct {
     uint64_t stamp_ns; /* CLOCK_REALTIME */
@@ -112,10 +112,10 @@ static void write_sample(telemetry *t, const sample *s) {
 
 static void *write_all(void *context) {
     telemetry *t = context;
-    const struct timespec moment = {.tv_nsec = LOOK_NS};
+    const struct timespec moment = {.tv_nsec = POLL_NS};
     for (;;) {
         bool last = t->stop;
-        for (sample *s; (s = ring_look(&t->ring)) != NULL; ring_release(&t->ring))
+        for (sample *s; (s = ring_peek(&t->ring)) != NULL; ring_release(&t->ring))
             write_sample(t, s);
         if (last) return NULL;
         nanosleep(&moment, NULL);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# The sample finger: ticks on time with a new posture each, levels used, what each level of the seams is worth.
+# The sample finger: ticks on time with a new configuration each, levels used, what each level of the seams is worth.
 . "$(dirname "$0")/../cli/lib.sh"
 "$palp" bake "$here/blobs/finger.model" -o finger.palp > bake.txt 2>/dev/null
 ok $? "the finger is baked: $(grep '^zone distal' bake.txt)"

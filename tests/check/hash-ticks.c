@@ -139,7 +139,7 @@ static void move_body(const char *path) {
                                         .adapt = palp_adapt_defaults(&tets),
                                         .tools = &ball,
                                         .tool_count = 1,
-                                        .max_spots = 32,
+                                        .max_points = 32,
                                         .most_class = 5,
                                         .cost = {&palp_target_counted, 0.4f, 0.0f, 0.8f},
                                         .port = {.now_ns = still_clock},

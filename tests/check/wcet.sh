@@ -50,7 +50,7 @@ done
 
 # the plugin against callgrind: the same program, counted by both
 native="-std=gnu11 -O2 -fno-math-errno -D_GNU_SOURCE -I. -static"
-gcc $native tests/wcet/deadline.c tools/wcet/hunt.c "$BUILD/libpalp.a" -lm -o "$work/deadline" || exit 1
+gcc $native tests/wcet/deadline.c tools/wcet/tool_path.c "$BUILD/libpalp.a" -lm -o "$work/deadline" || exit 1
 if command -v qemu-x86_64 > /dev/null && command -v valgrind > /dev/null; then
     qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/deadline" "$work/small.palp" 1000 1 > /dev/null
     plugin=$(od -An -tu8 -N8 "$work/count" | tr -d ' ')
@@ -73,7 +73,7 @@ sed 's/^/#   /' "$work/one" "$work/two" "$work/three"
 ok $? "and held after leaps at several of the looks at the clock"
 if command -v qemu-x86_64 > /dev/null; then # and by instructions
     sh tests/wcet/cases.sh x86-64
-    gcc $native -DINSTRUCTIONS tests/wcet/deadline.c tests/wcet/instructions.c tools/wcet/hunt.c "$BUILD"/wcet/x86-64/core_*.o -lm -o "$work/exact" || exit 1
+    gcc $native -DINSTRUCTIONS tests/wcet/deadline.c tests/wcet/instructions.c tools/wcet/tool_path.c "$BUILD"/wcet/x86-64/core_*.o -lm -o "$work/exact" || exit 1
     for b in small tables; do
         PALP_COUNT=$work/count qemu-x86_64 -plugin "$BUILD/wcet/x86-64/counter.so,count=$work/count" "$work/exact" "$work/$b.palp" 10000 5 > "$work/exact.out"
         ok $? "clock driven by counted instructions: $(cat "$work/exact.out")"

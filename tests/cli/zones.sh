@@ -56,7 +56,7 @@ bad "not one of: fixed" "an unknown kind of joint" "zone a|zone b|joint j ball a
 bad "already hangs on joint 'ab'" "a second joint for one zone" "$cut|joint again revolute a b"
 bad "run in a circle" "joints in a circle" "$(echo "$cut" | sed 's/joint ab revolute a b/joint ab revolute c b/')|joint r revolute b a" 2
 bad "no joint carries zone" "a zone without a joint" "$(echo "$cut" | sed 's/|joint bc.*//')"
-bad "leaves out 0" "limits without the rest posture" "$cut|limits 0.1 0.5"
+bad "leaves out 0" "limits without the rest configuration" "$cut|limits 0.1 0.5"
 bad "the axis is zero" "a zero axis" "$cut|axis 0 0 0"
 bad "all of the zone lies behind" "a cut that meets nothing" "$(echo "$cut" | sed 's/0.04 0 0 1/0.4 0 0 1/')" 1
 bad "nothing holds zone" "no bone anywhere" "$(echo "$cut" | sed 's/|fix-below x 1e-6//')" 1

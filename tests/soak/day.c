@@ -14,7 +14,7 @@
  *   - a reset brings it back to RUN, every time
  */
 #include "port/host/report.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "sim/spectrum.h"
 #include "tests/tap.h"
 #include "port/host/blobfile.h"
@@ -99,7 +99,7 @@ static plan make_plan(uint64_t minute, uint64_t *dice, double from, double to) {
 
 /* A servo that is new or was reset looks for its tool among all nodes first. */
 static uint64_t looks(const palp_blob *blob, uint64_t begun) {
-    return begun * ((blob->meta->nodes + PALP_COUPLING_LOOKS - 1u) / PALP_COUPLING_LOOKS);
+    return begun * ((blob->meta->nodes + PALP_COUPLING_SEARCHED - 1u) / PALP_COUPLING_SEARCHED);
 }
 
 static bool explains(const plan *p, const char *name) {
@@ -171,8 +171,8 @@ static void keep_books(books *b, const rig *r, double before_J, day *d) {
  * What the contact stores and what its force has done along the tip's path, between readings, can
  * together only fall. Where they rise, the contact made energy: it came late upon a part of the
  * surface, or its path did not close (`make feel`). The guard brakes for that as for any other; so
- * the largest rise before it brakes explains that it does. A tool that slips off a tip is held where
- * it was for a few ticks, until the contact is given up.
+ * the largest rise before it brakes explains that it does. A tool that slips off a tip is held
+ * where it was for a few ticks, until the contact is given up.
  */
 typedef struct {
     palp_vec3 tip_m, force_N;

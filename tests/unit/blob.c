@@ -112,8 +112,8 @@ static void test_random(void) {
         float *u = allocate(3 * b.meta->nodes, sizeof *u),
               *f = allocate(3 * b.meta->nodes, sizeof *f);
         if (palp_cma_init(&cma, &b, 3, memory, bytes) == PALP_OK) {
-            (void)palp_cma_give(&cma, b.domain[PALP_FREE].node[0], PALP_GIVE_DISPLACEMENT,
-                                (palp_vec3){1, 0, 0});
+            (void)palp_cma_prescribe(&cma, b.domain[PALP_FREE].node[0], PALP_PRESCRIBE_DISPLACEMENT,
+                                     (palp_vec3){1, 0, 0});
             (void)palp_cma_solve(&cma, u, f);
         }
         free(memory);
@@ -179,7 +179,8 @@ int main(void) {
                "columns of fixed nodes without their rows");
     expect_bad(PALP_SEC_NORMAL, 0, 0x60000000u, PALP_ERR_RANGE,
                "a normal that is not of unit length");
-    expect_bad(PALP_SEC_SOFTENING, 0, 0xbf800000u, PALP_ERR_RANGE, "a negative softening");
+    expect_bad(PALP_SEC_REGULARISATION, 0, 0xbf800000u, PALP_ERR_RANGE,
+               "a negative regularisation");
     test_short_rows();
     test_random();
     /* Baking again gives the same bytes, on one thread or several. */

@@ -137,7 +137,7 @@ static void place_affinely(palp_dyna *d, const double a[9], const double shift[3
                    a[3 * k + 2] * (double)x[2] - (double)x[k];
         set(d->u_m + 3 * n, y[0], y[1], y[2]);
     }
-    palp_dyna_follow(d);
+    palp_dyna_interpolate(d);
 }
 
 /* Splits what lies at x below `end`, one level deeper below half of that. */
@@ -234,7 +234,7 @@ static void set_spinning(palp_dyna *d, double vibration) {
         set(d->v_m_s + 3 * n, -20 * ((double)x[1] - 0.02) + vibration * q / 0.04, 20 * q,
             vibration * (q * q / 0.0016 - 1.0 / 3));
     }
-    palp_dyna_follow(d);
+    palp_dyna_interpolate(d);
 }
 
 static void check_momentum(const char *name, bool graded, bool adaptive) {
@@ -255,10 +255,10 @@ static void check_momentum(const char *name, bool graded, bool adaptive) {
     CHECK(classes >= (graded ? 2u : 1u) && (d->down_count > 0) == adaptive,
           "%s: %u classes of steps, %u interface nodes", name, classes,
           d->up_count + d->down_count);
-    double lever = 1;
+    double stiffness_ratio = 1;
     for (uint32_t i = 0; i < d->active_count; i++)
-        lever = fmax(lever, (double)d->lever[d->active[i]]);
-    printf("# %s: interfaces stiffen nodes by %.2f at most\n", name, lever);
+        stiffness_ratio = fmax(stiffness_ratio, (double)d->stiffness_ratio[d->active[i]]);
+    printf("# %s: interfaces stiffen nodes by %.2f at most\n", name, stiffness_ratio);
     set_spinning(d, 0.2);
     momenta first = momenta_of(d);
     double spin = v_norm(first.l), drift_p = 0, drift_l = 0, mass = 0, speed = 0;
@@ -290,7 +290,7 @@ static double energy_now(palp_dyna *d) {
             for (uint32_t k = 3 * n; k < 3 * n + 3; k++)
                 kinetic += 0.5 * (double)d->mass_kg[n] * (double)before[k] * (double)d->v_m_s[k];
         }
-        palp_dyna_follow(d);
+        palp_dyna_interpolate(d);
     }
     free(before);
     return kinetic + stored;
@@ -419,7 +419,7 @@ static void check_inversion(const char *name, double young, double poisson, int 
             set(d->u_m + 3 * n, 0.05 * tap_random(&seed), 0.05 * tap_random(&seed),
                 0.05 * tap_random(&seed));
     }
-    palp_dyna_follow(d);
+    palp_dyna_interpolate(d);
     double first = least_det(d), whole = YOUNG * 1e-4, left = HUGE_VAL;
     int ticks = 0;
     for (; ticks < 40000 && !(left < 1e-4 * whole * young / YOUNG); ticks++) {
@@ -448,7 +448,7 @@ static void check_adapt(void) {
           "open");
     uint32_t splits = 0, merges = 0, most = 0, cap = 6000, refused = 0, at_most = 0;
     double jump = 0, step = 0, fade = 0;
-    uint32_t torn = 0;
+    uint32_t overstretched = 0;
     float *before = allocate(3 * b.tets.meta->skin, sizeof *before);
     for (int k = 0; k < 4500; k++) {
         if (k < 100) { /* the end is thrown */
@@ -458,12 +458,12 @@ static void check_adapt(void) {
             }
         }
         palp_dyna_tick(d, 7);
-        memcpy(before, skin.place_m, 3 * b.tets.meta->skin * sizeof *before);
+        memcpy(before, skin.position_m, 3 * b.tets.meta->skin * sizeof *before);
         bool renewed = skin.lists != d->lists;
         palp_skin_update(&skin, 1e-3f);
         for (uint32_t i = 0; i < b.tets.meta->skin; i++) {
             double moved = (double)palp_norm(
-                palp_sub(palp_vec3_at(skin.place_m + 3 * i), palp_vec3_at(before + 3 * i)));
+                palp_sub(palp_vec3_at(skin.position_m + 3 * i), palp_vec3_at(before + 3 * i)));
             double speed = 1e-3 * (double)palp_norm(palp_skin_velocity(d, i));
             step = fmax(step, speed);
             if (renewed) jump = fmax(jump, moved - speed);
@@ -476,7 +476,7 @@ static void check_adapt(void) {
         refused += r.refused;
         for (uint32_t f = 0; f < b.tets.meta->families; f++) {
             for (uint32_t q = b.tets.parent_offset[f]; q < b.tets.parent_offset[f + 1]; q++)
-                torn += d->split[f] != 0 && d->state[b.tets.parent[q]] != PALP_SPLIT;
+                overstretched += d->split[f] != 0 && d->state[b.tets.parent[q]] != PALP_SPLIT;
         }
         uint32_t work = palp_dyna_work(d, 7);
         most = work > most ? work : most;
@@ -485,7 +485,7 @@ static void check_adapt(void) {
     CHECK(splits > 3 && merges == splits, "%u families split and merged again", splits);
     CHECK(most <= cap + cap / 4 && refused > 0,
           "about the cap: %u of %u evaluations at most, %u refused", most, cap, refused);
-    CHECK(torn == 0, "every parent of a split family is split");
+    CHECK(overstretched == 0, "every parent of a split family is split");
     AT_MOST(fmax(jump, 0) / step, 0.2,
             "no popping: surface when families change, beyond its motion, of the largest motion");
     AT_MOST(fade / step, 1, "and while the difference fades");

@@ -7,7 +7,7 @@
  * Each failure is told with its seed.
  */
 #include "port/host/report.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "tests/models.h"
 #include "tests/tap.h"
 #include "port/host/parallel.h"

@@ -6,7 +6,7 @@
  */
 #include "port/host/report.h"
 #include "tests/models.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "tests/tap.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"

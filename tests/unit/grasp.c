@@ -41,7 +41,7 @@ static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool 
 static void pose(palp_assembly *a, const float *value) {
     const palp_frame at_rest = PALP_FRAME_IDENTITY;
     palp_assembly_pose(a, value, &at_rest);
-    (void)palp_seams_refresh(&a->seams, a->posture, a->seams.finest);
+    (void)palp_seams_refresh(&a->seams, a->configuration, a->seams.finest);
     palp_assembly_settle(a);
 }
 
@@ -59,12 +59,12 @@ static double response(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3
     float *felt = allocate(3 * (size_t)z->zone[loaded_zone].modes, sizeof *felt);
     float *w = allocate(3 * (size_t)a->seams.modes, sizeof *w);
     palp_assembly_unload(a);
-    palp_zone_feel(z, FINEST, loaded_zone, loaded, 1.0f, e, felt);
+    palp_zone_modal_load(z, FINEST, loaded_zone, loaded, 1.0f, e, felt);
     palp_assembly_load(a, loaded_zone, felt);
     const float *total = palp_assembly_total(a);
     for (uint32_t i = 0; i < 3 * a->seams.modes; i++) w[i] = total[i] - a->w[i];
-    palp_seams_spread(&a->seams, a->posture, FINEST, zone, w, modes);
-    double u = (double)palp_dot(d, palp_zone_follow(z, FINEST, zone, node, modes));
+    palp_seams_expand(&a->seams, a->configuration, FINEST, zone, w, modes);
+    double u = (double)palp_dot(d, palp_zone_modal_displacement(z, FINEST, zone, node, modes));
     if (zone == loaded_zone && !palp_node_is_fixed(b, node) && !palp_node_is_fixed(b, loaded)) {
         float block[9];
         palp_table_block(b, b->meta->constraint_level, palp_node_slot(b, node),
@@ -137,8 +137,8 @@ static double response_between(palp_assembly *a, const palp_contact_point *p,
     return sum;
 }
 
-/* What the compliances between points change by from the rest posture to another, against unit
- * forces and the whole solution of the seams in both. */
+/* What the compliances between points change by from the rest configuration to another, against
+ * unit forces and the whole solution of the seams in both. */
 static void test_compliance(const zoned *model) {
     palp_assembly *a = model_assembly(model->zones, FINEST);
     const palp_tool tool = palp_tool_sphere(0.008f);
@@ -217,7 +217,7 @@ static void test_cut(uint32_t n, uint32_t level) {
 
 /* Bending of the seams and contact together. */
 static double energy(palp_assembly *a, const palp_contact *c) {
-    double bent = (double)palp_seams_energy(&a->seams, a->posture, a->seams.finest, a->w);
+    double bent = (double)palp_seams_energy(&a->seams, a->configuration, a->seams.finest, a->w);
     return bent + (c != NULL ? (double)c->energy_J : 0);
 }
 
@@ -237,7 +237,7 @@ static void test_moments(const zoned *model) {
             if (k < 2) stored[k] = energy(a, NULL);
         }
         const palp_joint_entry *e = &a->zones->joint[j];
-        const palp_frame *frame = &a->posture->frame[e->parent];
+        const palp_frame *frame = &a->configuration->frame[e->parent];
         palp_vec3 axis = palp_rotate(frame->r, palp_vec3_at(e->axis));
         palp_vec3 origin = palp_carry(frame, palp_vec3_at(e->origin_m));
         for (uint32_t z = j + 1; z < 3; z++) {
@@ -274,7 +274,7 @@ static void joint_moments(palp_assembly *a, palp_contact *c, palp_vec3 at, doubl
     }
     for (uint32_t j = 0; j < 2; j++) {
         const palp_joint_entry *e = &a->zones->joint[j];
-        const palp_frame *frame = &a->posture->frame[e->parent];
+        const palp_frame *frame = &a->configuration->frame[e->parent];
         palp_vec3 axis = palp_rotate(frame->r, palp_vec3_at(e->axis));
         palp_vec3 origin = palp_carry(frame, palp_vec3_at(e->origin_m));
         tau[j] = 0;
@@ -525,8 +525,8 @@ static uint64_t now_ns(void *context) {
     return (uint64_t)(0.3 * (double)palp_answer_work(k->b)) + 10000000u;
 }
 
-/* Ticks with a posture each under a budget (of work): the levels used, late ticks, largest step of
- * the force. */
+/* Ticks with a configuration each under a budget (of work): the levels used, late ticks, largest
+ * step of the force. */
 static void run_budget(const zoned *model, double budget_us, uint32_t finest, double tardy_us) {
     palp_assembly *a = model_assembly(model->zones, finest);
     palp_answer *b = allocate(1, sizeof *b);
@@ -583,8 +583,8 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
         if (at[l] > 0) printf(l < PALP_SEAM_LEVELS ? " %u: %u" : " diagonal (%u): %u", l, at[l]);
     printf("; given up %u times; longest tick %.0f us, %u of 3000 touch\n", aborted, most * 1e-3,
            touching);
-    CHECK(late == 0 && touching > 300, "a new posture each tick in a budget of %.0f us: %u late",
-          budget_us, late);
+    CHECK(late == 0 && touching > 300,
+          "a new configuration each tick in a budget of %.0f us: %u late", budget_us, late);
     AT_MOST(jump / strongest, 0.05, "largest step of the force over the largest force");
 }
 

@@ -47,8 +47,8 @@ static void test_entries(const baked *b) {
         uint32_t c = (uint32_t)((tap_random(&seed) + 1) / 2 * (double)blob->level[lb].nodes);
         a = a < blob->level[la].nodes ? a : 0;
         c = c < blob->level[lb].nodes ? c : 0;
-        hierarchy_spread(&b->d.h, la, a, left);
-        hierarchy_spread(&b->d.h, lb, c, right);
+        hierarchy_distribute(&b->d.h, la, a, left);
+        hierarchy_distribute(&b->d.h, lb, c, right);
         double exact[9];
         float block[9];
         weighted_block(b, left, right, exact);
@@ -103,7 +103,7 @@ static double least_pivot(const palp_blob *b, uint32_t level) {
             double g = (double)palp_dot(palp_vec3_at(b->normal + 3 * d->node[i]), u);
             c[i * order + j] += 0.5 * g;
             c[j * order + i] += 0.5 * g;
-            if (i == j) c[i * order + j] += (double)b->softening[d->node[j]];
+            if (i == j) c[i * order + j] += (double)b->regularisation[d->node[j]];
         }
     }
     for (size_t i = 0; i < order; i++) diagonal[i] = c[i * order + i];

@@ -64,7 +64,7 @@ static poked *open_poked(const dynamic_body *b, float radius, palp_material mate
                              .adapt = palp_adapt_defaults(&b->tets),
                              .tools = &p->tool,
                              .tool_count = 1,
-                             .max_spots = 64,
+                             .max_points = 64,
                              .most_class = PALP_STEP_CLASSES - 1,
                              .cost = {.target = &palp_target_counted,
                                       .ns_per_instruction = ns_per_operation,
@@ -72,7 +72,7 @@ static poked *open_poked(const dynamic_body *b, float radius, palp_material mate
                              .port = {.now_ns = no_time},
                              .tick_s = 1 / RATE,
                              .uniform = uniform};
-    size_t bytes = palp_dynamic_memsize(&b->tets, c.max_spots);
+    size_t bytes = palp_dynamic_memsize(&b->tets, c.max_points);
     float bound_ns = 0;
     palp_status s =
         palp_dynamic_init(&p->body, &c, &at, allocate_aligned(bytes, 1), bytes, &bound_ns);
@@ -89,7 +89,7 @@ static void compare(void) {
     static const uint32_t nodes[3] = {90, 500, 2800};
     dynamic_body b = make(nodes, 3, 5e3, 0.4, 5e-4);
     const poke p = {.radius_m = 0.01f,
-                    .place_m = {0.025f, 0, 0.0228f},
+                    .position_m = {0.025f, 0, 0.0228f},
                     .normal = {0, 0, 1},
                     .depth_m = 0.0158f,
                     .ticks = 1500};
@@ -200,9 +200,10 @@ static void check_violence(double lambda, double mu, int ticks) {
     poked *p = open_poked(&b, 0.01f, m, 0.2f, false, at);
     p->body.config.port.now_ns = clock_late;
     uint64_t seed = 11, steps = 0;
-    uint32_t beyond = 0, capped = 0, coasted = 0, short_ticks = 0, collapsed = 0, calmed = 0;
+    uint32_t beyond = 0, capped = 0, coasted = 0, short_ticks = 0, collapsed = 0,
+             energy_limited = 0;
     double far = 0, largest = 0;
-    uint64_t evaluations = 0, moves = 0, followed = 0;
+    uint64_t evaluations = 0, moves = 0, interpolated = 0;
     late_ns = 0;
     for (int k = 0; k < ticks; k++) {
         palp_dynamic_report r;
@@ -221,17 +222,18 @@ static void check_violence(double lambda, double mu, int ticks) {
         /* by the counters of what was done, at the prices of counted.c */
         const palp_dyna *d = &p->body.dyna;
         double done = 210 * (double)(d->evaluations - evaluations) +
-                      45 * (double)(d->moves - moves) + 24 * 4 * (double)(d->followed - followed);
+                      45 * (double)(d->moves - moves) +
+                      24 * 4 * (double)(d->interpolated - interpolated);
         evaluations = d->evaluations;
         moves = d->moves;
-        followed = d->followed;
+        interpolated = d->interpolated;
         beyond +=
             r.bound_ns > 800001.0f - (float)late_ns || done * (double)ns > 800001 - (double)late_ns;
         capped += r.adapt.refused > 0;
         coasted += r.coasted;
         short_ticks += r.shortened;
         collapsed += r.collapsed;
-        calmed += r.calmed;
+        energy_limited += r.energy_limited;
         steps += r.steps;
         far = fmax(far, farthest(&p->body.dyna));
         largest = fmax(largest, palp_vec3_is_finite(force) ? (double)palp_norm(force) : HUGE_VAL);
@@ -249,9 +251,10 @@ static void check_violence(double lambda, double mu, int ticks) {
     CHECK(beyond == 0, "lambda %g, mu %g: no tick of %d (%.2g steps) beyond its bound; %u coasted",
           lambda, mu, ticks, (double)steps, coasted);
     CHECK(capped + short_ticks > 0,
-          "lambda %g, mu %g: refused in %u ticks, larger steps in %u, coarsest mesh in %u, calmed "
+          "lambda %g, mu %g: refused in %u ticks, larger steps in %u, coarsest mesh in %u, "
+          "energy_limited "
           "in %u",
-          lambda, mu, capped, short_ticks, collapsed, calmed);
+          lambda, mu, capped, short_ticks, collapsed, energy_limited);
     CHECK(far < 1 && largest < HUGE_VAL && rest < 1e-4,
           "lambda %g, mu %g: at most %.2g m away, %.2g N; left alone it stores %.1g of mu 1e-4 m^3",
           lambda, mu, far, largest, rest);

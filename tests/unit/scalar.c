@@ -80,7 +80,8 @@ int main(void) {
         for (uint32_t i = 0; i < n; i++) {
             if (fixed[i] != 0) continue;
             if (m.x[i][2] > 0.6) {
-                (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, (palp_vec3){1, 0, 0});
+                (void)palp_cma_prescribe(&cma, i, PALP_PRESCRIBE_DISPLACEMENT,
+                                         (palp_vec3){1, 0, 0});
                 slot[electrodes++] = row;
             }
             row++;

@@ -2,7 +2,7 @@
 /* Output chain, passivity controller and the tick: what goes out is finite and limited whatever
  * comes in, and the states follow each other as safety.h says. */
 #include "tests/models.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "tests/tap.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
@@ -26,8 +26,8 @@ static void test_output(void) {
                             size * (float)tap_random(&seed)};
         if (i % 501 == 0) wanted.y = NAN;
         if (i % 703 == 0) wanted.x = INFINITY;
-        palp_output_demand demand = {.force_N = wanted};
-        palp_output_result r = palp_output_apply(&out, &file.device, NULL, &pose, &demand, 0.001f);
+        palp_output_request request = {.force_N = wanted};
+        palp_output_result r = palp_output_apply(&out, &file.device, NULL, &pose, &request, 0.001f);
         sound = sound && palp_vec3_is_finite(r.force_N) &&
                 palp_norm(r.force_N) <= file.device.force_max_N * 1.0001f;
         for (int k = 0; k < 3; k++)
@@ -59,11 +59,11 @@ static void test_feed_forward(void) {
         for (int i = 0; i < 3; i++) most[i] += pow((double)(torque[i] / d->gear[i]), 2);
     }
     for (int t = 0; t < 4000; t++) {
-        palp_output_demand demand = {
+        palp_output_request request = {
             .force_N = {2.0f * sinf(0.01f * (float)t), 1, 3}, .lift = 1, .friction = 0};
         const float wanted = t / 500 % 2 == 1 ? 10.0f * limit : 0.3f * limit;
-        for (int i = 0; i < 3; i++) demand.feedforward_Nm[i] = (i == 1 ? -1.0f : 1.0f) * wanted;
-        const palp_output_result r = palp_output_apply(&out, d, NULL, &pose, &demand, 0.001f);
+        for (int i = 0; i < 3; i++) request.feedforward_Nm[i] = (i == 1 ? -1.0f : 1.0f) * wanted;
+        const palp_output_result r = palp_output_apply(&out, d, NULL, &pose, &request, 0.001f);
         for (int i = 0; i < 3; i++) {
             within = within && fabsf(r.motor_torque_Nm[i]) <= 1.0001f * limit;
             if (t > 0)
@@ -282,7 +282,7 @@ static void test_compensation(void) {
         rig r;
         rig_start(&r, &body.blob, "arm3", 1000, "touch", NULL, 1);
         r.file.weight_N = 0.8;
-        if (with == 1) r.file.device.compensation.lift_N.z = 0.8f;
+        if (with == 1) r.file.device.compensation.gravity_compensation_N.z = 0.8f;
         palp_servo_config config = rig_config(&r, &body.blob);
         rig_stop(&r);
         rig_open(&r, &body.blob, &config, "touch", NULL, 1);

@@ -118,13 +118,13 @@ typedef struct {
 
 static void apply_direct(node_condition *c, const given *g) {
     const double v[3] = {(double)g->value.x, (double)g->value.y, (double)g->value.z};
-    if (g->condition == PALP_GIVE_NORMAL) turn_to_normal(c, g->node);
+    if (g->condition == PALP_PRESCRIBE_NORMAL) turn_to_normal(c, g->node);
     for (int e = 0; e < 3; e++) {
-        bool displaced =
-            g->condition == PALP_GIVE_DISPLACEMENT || (g->condition == PALP_GIVE_NORMAL && e == 0);
-        double factor = g->condition == PALP_GIVE_TRACTION ? raw.area[g->node] : 1;
+        bool displaced = g->condition == PALP_PRESCRIBE_DISPLACEMENT ||
+                         (g->condition == PALP_PRESCRIBE_NORMAL && e == 0);
+        double factor = g->condition == PALP_PRESCRIBE_TRACTION ? raw.area[g->node] : 1;
         c[g->node].displacement[e] = displaced;
-        c[g->node].value[e] = g->condition == PALP_GIVE_NORMAL && e > 0 ? 0 : factor * v[e];
+        c[g->node].value[e] = g->condition == PALP_PRESCRIBE_NORMAL && e > 0 ? 0 : factor * v[e];
     }
 }
 
@@ -140,7 +140,7 @@ static void compare(const palp_blob *blob, const char *name, const given *g, uin
     (void)palp_cma_init(&cma, blob, 3 * count, memory, bytes);
     for (uint32_t i = 0; i < count; i++) {
         apply_direct(c, &g[i]);
-        palp_status status = palp_cma_give(&cma, g[i].node, g[i].condition, g[i].value);
+        palp_status status = palp_cma_prescribe(&cma, g[i].node, g[i].condition, g[i].value);
         if (status != PALP_OK)
             CHECK(false, "%s: condition %u: %s", name, i, palp_status_text(status));
     }
@@ -152,7 +152,7 @@ static void compare(const palp_blob *blob, const char *name, const given *g, uin
     AT_MOST(difference(f, f_exact, n), limit, "%s: forces against the direct solution", name);
     double exact = 0;
     for (uint32_t i = 0; i < count; i++) {
-        if (g[i].condition != PALP_GIVE_DISPLACEMENT) continue;
+        if (g[i].condition != PALP_PRESCRIBE_DISPLACEMENT) continue;
         const float *x = u + 3 * g[i].node;
         exact =
             fmax(exact, fabs((double)(x[0] - g[i].value.x)) + fabs((double)(x[1] - g[i].value.y)) +
@@ -180,30 +180,31 @@ static void test_kinds(const palp_blob *blob, const char *kind, double limit) {
     given one[24];
     uint32_t n = 0;
     for (; n < 20; n++)
-        one[n] =
-            (given){nth_node(false, n), PALP_GIVE_DISPLACEMENT, {0.01f * (float)n, -0.02f, -0.05f}};
+        one[n] = (given){
+            nth_node(false, n), PALP_PRESCRIBE_DISPLACEMENT, {0.01f * (float)n, -0.02f, -0.05f}};
     snprintf(name, sizeof name, "%s: 20 prescribed displacements", kind);
     compare(blob, name, one, n, limit);
     for (n = 0; n < 20; n++)
-        one[n] = (given){nth_node(false, n), PALP_GIVE_NORMAL, {-0.05f - 0.001f * (float)n, 0, 0}};
+        one[n] =
+            (given){nth_node(false, n), PALP_PRESCRIBE_NORMAL, {-0.05f - 0.001f * (float)n, 0, 0}};
     snprintf(name, sizeof name, "%s: 20 normal-only constraints", kind);
     compare(blob, name, one, n, limit);
-    one[0] = (given){nth_node(false, 3), PALP_GIVE_FORCE, {10, -20, 30}};
+    one[0] = (given){nth_node(false, 3), PALP_PRESCRIBE_FORCE, {10, -20, 30}};
     snprintf(name, sizeof name, "%s: a nodal force", kind);
     compare(blob, name, one, 1, limit);
-    one[0] = (given){nth_node(false, 4), PALP_GIVE_TRACTION, {100, 50, -200}};
+    one[0] = (given){nth_node(false, 4), PALP_PRESCRIBE_TRACTION, {100, 50, -200}};
     snprintf(name, sizeof name, "%s: a traction", kind);
     compare(blob, name, one, 1, limit);
     one[0] = (given){nth_node(true, 2), PALP_RELEASE, {0, 0, 0}};
-    one[1] = (given){nth_node(false, 3), PALP_GIVE_FORCE, {10, -20, 30}};
+    one[1] = (given){nth_node(false, 3), PALP_PRESCRIBE_FORCE, {10, -20, 30}};
     snprintf(name, sizeof name, "%s: a released fixed node under load", kind);
     compare(blob, name, one, 2, limit);
-    one[0] = (given){nth_node(true, 1), PALP_GIVE_DISPLACEMENT, {0.01f, 0.02f, -0.01f}};
-    one[1] = (given){nth_node(true, 4), PALP_GIVE_NORMAL, {0.03f, 0, 0}};
-    one[2] = (given){nth_node(true, 5), PALP_GIVE_FORCE, {3, 2, 1}};
-    one[3] = (given){nth_node(false, 5), PALP_GIVE_NORMAL, {-0.03f, 0, 0}};
-    one[4] = (given){nth_node(false, 8), PALP_GIVE_DISPLACEMENT, {0.03f, 0.01f, 0}};
-    one[5] = (given){nth_node(false, 11), PALP_GIVE_TRACTION, {30, 0, 10}};
+    one[0] = (given){nth_node(true, 1), PALP_PRESCRIBE_DISPLACEMENT, {0.01f, 0.02f, -0.01f}};
+    one[1] = (given){nth_node(true, 4), PALP_PRESCRIBE_NORMAL, {0.03f, 0, 0}};
+    one[2] = (given){nth_node(true, 5), PALP_PRESCRIBE_FORCE, {3, 2, 1}};
+    one[3] = (given){nth_node(false, 5), PALP_PRESCRIBE_NORMAL, {-0.03f, 0, 0}};
+    one[4] = (given){nth_node(false, 8), PALP_PRESCRIBE_DISPLACEMENT, {0.03f, 0.01f, 0}};
+    one[5] = (given){nth_node(false, 11), PALP_PRESCRIBE_TRACTION, {30, 0, 10}};
     snprintf(name, sizeof name, "%s: all kinds at once", kind);
     compare(blob, name, one, 6, limit);
 }
@@ -218,18 +219,19 @@ static void test_refusals(void) {
     CHECK(palp_cma_init(&cma, &raw.blob, 4, (char *)memory + 8, bytes) == PALP_ERR_ALIGNMENT,
           "misaligned memory is refused");
     CHECK(palp_cma_init(&cma, &raw.blob, 4, memory, bytes) == PALP_OK, "the solver opens");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){NAN, 0, 0}) ==
+    CHECK(palp_cma_prescribe(&cma, node, PALP_PRESCRIBE_DISPLACEMENT, (palp_vec3){NAN, 0, 0}) ==
               PALP_ERR_NOT_FINITE,
           "NaN is refused");
-    CHECK(palp_cma_give(&cma, 99999, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+    CHECK(palp_cma_prescribe(&cma, 99999, PALP_PRESCRIBE_FORCE, (palp_vec3){0}) ==
+              PALP_ERR_ARGUMENT,
           "a node out of range is refused");
-    CHECK(palp_cma_give(&cma, node, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+    CHECK(palp_cma_prescribe(&cma, node, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
           "releasing a free node is refused");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_DISPLACEMENT, (palp_vec3){0}) == PALP_OK,
+    CHECK(palp_cma_prescribe(&cma, node, PALP_PRESCRIBE_DISPLACEMENT, (palp_vec3){0}) == PALP_OK,
           "a displacement is taken");
-    CHECK(palp_cma_give(&cma, node, PALP_GIVE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
+    CHECK(palp_cma_prescribe(&cma, node, PALP_PRESCRIBE_FORCE, (palp_vec3){0}) == PALP_ERR_ARGUMENT,
           "a second condition is refused");
-    CHECK(palp_cma_give(&cma, held, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_CAPACITY,
+    CHECK(palp_cma_prescribe(&cma, held, PALP_RELEASE, (palp_vec3){0}) == PALP_ERR_CAPACITY,
           "an unknown too many is refused");
     free(memory);
 }
@@ -247,7 +249,7 @@ static void test_rigid(const baked *b) {
     for (uint32_t i = 0; i < b->m.vertices; i++) {
         const double *x = b->m.x[i];
         palp_vec3 v = {0.1f - 0.3f * (float)x[1], 0.2f + 0.3f * (float)x[0], -0.3f};
-        if (b->fixed[i] != 0) (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, v);
+        if (b->fixed[i] != 0) (void)palp_cma_prescribe(&cma, i, PALP_PRESCRIBE_DISPLACEMENT, v);
     }
     (void)palp_cma_solve(&cma, u, f);
     for (uint32_t i = 0; i < b->m.vertices; i++) {
@@ -261,7 +263,7 @@ static void test_rigid(const baked *b) {
     AT_MOST(motion, 2e-6, "rigid motion of the fixed nodes moves the body rigidly, m");
     AT_MOST(force / b->material.young_Pa, 1e-6, "and without force, over Young's modulus");
     palp_cma_clear(&cma);
-    (void)palp_cma_give(&cma, nth_node(false, 6), PALP_GIVE_FORCE, (palp_vec3){3, -2, 5});
+    (void)palp_cma_prescribe(&cma, nth_node(false, 6), PALP_PRESCRIBE_FORCE, (palp_vec3){3, -2, 5});
     (void)palp_cma_solve(&cma, u, f);
     for (uint32_t i = 0; i < b->m.vertices; i++) {
         const double g[3] = {(double)f[3 * i], (double)f[3 * i + 1], (double)f[3 * i + 2]};
@@ -275,14 +277,14 @@ static void test_rigid(const baked *b) {
     AT_MOST(sqrt(v_dot(sum, sum) + v_dot(sum + 3, sum + 3)), 2e-5,
             "load and reactions balance in force and moment, N and Nm");
     palp_cma_clear(&cma);
-    (void)palp_cma_give(&cma, nth_node(false, 6), PALP_GIVE_FORCE, (palp_vec3){3, -2, 5});
+    (void)palp_cma_prescribe(&cma, nth_node(false, 6), PALP_PRESCRIBE_FORCE, (palp_vec3){3, -2, 5});
     free(memory);
     bytes = palp_cma_memsize(&b->blob, (uint32_t)n);
     memory = allocate_aligned(bytes, 1);
     (void)palp_cma_init(&cma, &b->blob, (uint32_t)n, memory, bytes);
     for (uint32_t i = 0, kept = 0; i < b->m.vertices; i++) {
         if (b->fixed[i] != 0 && kept++ >= 2)
-            (void)palp_cma_give(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
+            (void)palp_cma_prescribe(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
     }
     CHECK(palp_cma_solve(&cma, u, f) == PALP_ERR_SINGULAR,
           "a body held at two nodes only is refused");
@@ -302,10 +304,10 @@ static palp_status let_go(const baked *b, const uint32_t *node, palp_condition c
         bool named = false;
         for (uint32_t k = 0; k < count; k++) named = named || node[k] == i;
         if (b->fixed[i] != 0 && !named)
-            (void)palp_cma_give(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
+            (void)palp_cma_prescribe(&cma, i, PALP_RELEASE, (palp_vec3){0, 0, 0});
     }
     for (uint32_t k = 0; k < count; k++)
-        (void)palp_cma_give(&cma, node[k], condition, (palp_vec3){0, 0, 0});
+        (void)palp_cma_prescribe(&cma, node[k], condition, (palp_vec3){0, 0, 0});
     const palp_status status = palp_cma_solve(&cma, u, f);
     free(memory);
     free(u);
@@ -316,13 +318,13 @@ static palp_status let_go(const baked *b, const uint32_t *node, palp_condition c
 static void test_loose(const baked *b) {
     uint32_t node[40];
     for (uint32_t k = 0; k < 40; k++) node[k] = nth_node(false, 3 * k);
-    CHECK(let_go(b, node, PALP_GIVE_NORMAL, 1) == PALP_ERR_SINGULAR,
+    CHECK(let_go(b, node, PALP_PRESCRIBE_NORMAL, 1) == PALP_ERR_SINGULAR,
           "all fixed nodes let go and one held along its normal: loose");
-    CHECK(let_go(b, node, PALP_GIVE_NORMAL, 5) == PALP_ERR_SINGULAR,
+    CHECK(let_go(b, node, PALP_PRESCRIBE_NORMAL, 5) == PALP_ERR_SINGULAR,
           "nor do five normals hold a body");
-    CHECK(let_go(b, node, PALP_GIVE_DISPLACEMENT, 1) == PALP_ERR_SINGULAR,
+    CHECK(let_go(b, node, PALP_PRESCRIBE_DISPLACEMENT, 1) == PALP_ERR_SINGULAR,
           "one node held wholly: it turns");
-    CHECK(let_go(b, node, PALP_GIVE_DISPLACEMENT, 3) == PALP_OK, "three nodes hold it");
+    CHECK(let_go(b, node, PALP_PRESCRIBE_DISPLACEMENT, 3) == PALP_OK, "three nodes hold it");
 }
 
 /* A solve that fails leaves the conditions as they were. */
@@ -348,15 +350,16 @@ static void test_failed_solve(const baked *b) {
         if (b->fixed[i] == 0 && palp_node_slot(blob, i) >= stored && farther) absent = i;
     }
     (void)palp_cma_level(&cma, 0, PALP_ENERGETIC);
-    (void)palp_cma_give(&cma, coarse, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+    (void)palp_cma_prescribe(&cma, coarse, PALP_PRESCRIBE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
     for (uint32_t i = 0; i < b->m.vertices; i++) {
         const uint32_t slot = palp_node_slot(blob, i);
         if (b->fixed[i] == 0 && slot >= blob->level[0].nodes && slot < stored)
-            (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+            (void)palp_cma_prescribe(&cma, i, PALP_PRESCRIBE_DISPLACEMENT,
+                                     (palp_vec3){0.01f, 0, 0});
     }
-    (void)palp_cma_give(&cma, absent, PALP_GIVE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
+    (void)palp_cma_prescribe(&cma, absent, PALP_PRESCRIBE_DISPLACEMENT, (palp_vec3){0.01f, 0, 0});
     const uint32_t asked = cma.count;
-    palp_switch *before = allocate(asked, sizeof *before);
+    palp_switched_unknown *before = allocate(asked, sizeof *before);
     memcpy(before, cma.switches, asked * sizeof *before);
     const palp_status status = palp_cma_solve(&cma, u, f);
     bool same = cma.count == asked;

@@ -98,7 +98,7 @@ static void use(const palp_tets *t) {
         .adapt = palp_adapt_defaults(t),
         .tools = &ball,
         .tool_count = 1,
-        .max_spots = 16,
+        .max_points = 16,
         .most_class = 3,
         .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.1f, .margin = 0.9f},
         .port = {.now_ns = no_time},

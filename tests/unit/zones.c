@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Multizone models: seams, postures, levels, cost, contact, against double precision. */
+/* Multizone models: seams, configurations, levels, cost, contact, against double precision. */
 #include "core/zone/assembly.h"
 #include "core/contact/contact.h"
 #include "tests/models.h"
@@ -29,11 +29,11 @@ static const char chain3[] =
            "joint ab revolute a b\naxis 0 0 1\norigin 0.02 0.01 0.01\n"
            "joint bc revolute b c\naxis 0 0.6 0.8\norigin 0.04 0.01 0.01\n";
 
-/* Poses it and makes the factor for that posture. */
+/* Poses it and makes the factor for that configuration. */
 static void pose(palp_assembly *a, const float *value, uint32_t level) {
     const palp_frame rest = PALP_FRAME_IDENTITY;
     palp_assembly_pose(a, value, &rest);
-    (void)palp_seams_refresh(&a->seams, a->posture, level);
+    (void)palp_seams_refresh(&a->seams, a->configuration, level);
     palp_assembly_settle(a);
 }
 
@@ -218,7 +218,7 @@ static uint32_t some_free_node(const palp_blob *b, uint32_t seed) {
 /* A force (zone's frame) at one node. */
 static void load_node(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3 force_N) {
     float *felt = allocate(3 * (size_t)a->zones->zone[zone].modes + 1, sizeof *felt);
-    palp_zone_feel(a->zones, PALP_SEAM_LEVELS - 1, zone, node, 1.0f, force_N, felt);
+    palp_zone_modal_load(a->zones, PALP_SEAM_LEVELS - 1, zone, node, 1.0f, force_N, felt);
     palp_assembly_load(a, zone, felt);
     free(felt);
 }
@@ -237,10 +237,10 @@ static double against_oracle(palp_assembly *a, oracle *o, const float *value, ui
     oracle_solve(o, value, zone, loaded, force);
     for (uint32_t i = 0; i < z->meta->zones; i++) {
         float *modes = allocate(3 * (size_t)z->zone[i].modes, sizeof *modes);
-        palp_seams_zone(&a->seams, a->posture, a->seams.finest, i, total, modes);
+        palp_seams_zone(&a->seams, a->configuration, a->seams.finest, i, total, modes);
         for (uint32_t n = 0; n < z->blob[i].meta->nodes; n++) {
             if (palp_node_is_fixed(&z->blob[i], n)) continue;
-            palp_vec3 u = palp_zone_follow(z, a->seams.finest, i, n, modes);
+            palp_vec3 u = palp_zone_modal_displacement(z, a->seams.finest, i, n, modes);
             double exact[3], own[3] = {0};
             for (size_t e = 0; e < 9 && i == zone; e++)
                 own[e / 3] += greens_row(&o->g[i], n, e / 3)[3 * loaded + e % 3] * force[e % 3];
@@ -262,7 +262,7 @@ static void test_levels(palp_assembly *a, oracle *o, const float *value, const c
     printf(", block diagonal: %.2g\n", against_oracle(a, o, value, PALP_DIAGONAL));
 }
 
-/* How near iterations come with the factor of a posture some way off. */
+/* How near iterations come with the factor of a configuration some way off. */
 static double iterate_from(palp_assembly *a, const float *value, float off, uint32_t iterations) {
     const palp_frame rest = PALP_FRAME_IDENTITY;
     size_t n = 3 * (size_t)a->seams.modes;
@@ -274,8 +274,8 @@ static double iterate_from(palp_assembly *a, const float *value, float off, uint
     memcpy(w, a->w, n * sizeof *w);
     pose(a, other, a->seams.finest);
     palp_assembly_pose(a, value, &rest);
-    palp_seams_mismatch(&a->seams, a->posture, a->seams.finest, r);
-    (void)palp_seams_iterate(&a->seams, a->posture, r, iterations, x);
+    palp_seams_mismatch(&a->seams, a->configuration, a->seams.finest, r);
+    (void)palp_seams_iterate(&a->seams, a->configuration, r, iterations, x);
     for (size_t i = 0; i < n; i++) {
         wrong += ((double)x[i] - (double)w[i]) * ((double)x[i] - (double)w[i]);
         all += (double)w[i] * (double)w[i];
@@ -288,14 +288,15 @@ static double iterate_from(palp_assembly *a, const float *value, float off, uint
 
 static void test_iterations(palp_assembly *a, const float *value, const char *name) {
     for (float off = 0.05f; off < 0.5f; off *= 3) {
-        printf("# %s: factor of a posture %.0f %% off, iterations 1 2 3 4 8: %.2g %.2g %.2g %.2g "
+        printf("# %s: factor of a configuration %.0f %% off, iterations 1 2 3 4 8: %.2g %.2g %.2g "
+               "%.2g "
                "%.2g\n",
                name, (double)off * 100, iterate_from(a, value, off, 1),
                iterate_from(a, value, off, 2), iterate_from(a, value, off, 3),
                iterate_from(a, value, off, 4), iterate_from(a, value, off, 8));
     }
     AT_MOST(iterate_from(a, value, 0.05f, PALP_ASSEMBLY_ITERATIONS), 1e-3,
-            "%s: %u iterations with the factor of a posture 5 %% off", name,
+            "%s: %u iterations with the factor of a configuration 5 %% off", name,
             PALP_ASSEMBLY_ITERATIONS);
 }
 
@@ -413,9 +414,9 @@ static void test_frames(const zoned *model) {
     pose(b, value, 5);
     double worst = 0, most = 0;
     for (uint32_t n = 0; n < model->zones->blob[1].meta->nodes; n++) {
-        palp_vec3 off = palp_sub(palp_assembly_place(a, 1, n), palp_assembly_place(b, 1, n));
+        palp_vec3 off = palp_sub(palp_assembly_position(a, 1, n), palp_assembly_position(b, 1, n));
         worst = fmax(worst, (double)palp_norm(off));
-        most = fmax(most, (double)palp_norm(palp_assembly_place(a, 1, n)));
+        most = fmax(most, (double)palp_norm(palp_assembly_position(a, 1, n)));
     }
     AT_MOST(worst / most, 2e-6, "meshes in rotated frames give the same posed shape");
 }
@@ -450,7 +451,7 @@ static void test_gravity(const zoned *model) {
                     greens_row(&o.g[i], n, e / 3)[3 * (size_t)o.g[i].nodes + e % 3] * local[e % 3];
             for (int k = 0; k < 3; k++) own[k] = model->part[i].x[n][k] + u[k];
             turn(o.m[i].r, own, x);
-            palp_vec3 p = palp_assembly_place(a, i, n);
+            palp_vec3 p = palp_assembly_position(a, i, n);
             const double off[3] = {(double)p.x - x[0] - o.m[i].t[0],
                                    (double)p.y - x[1] - o.m[i].t[1],
                                    (double)p.z - x[2] - o.m[i].t[2]};
@@ -492,7 +493,7 @@ static double bar_error(uint32_t n, const char *lines, bool crisp) {
         double off2 = 0, all2 = 0;
         for (uint32_t z = 0; z < last; z++) { /* zones that no force acts on: all of it by seams */
             float *modes = allocate(3 * (size_t)cut.zones->zone[z].modes, sizeof *modes);
-            palp_seams_zone(&a->seams, a->posture, 5, z, total, modes);
+            palp_seams_zone(&a->seams, a->configuration, 5, z, total, modes);
             for (uint32_t k = 0; k < cut.part[z].vertices; k++) {
                 if (palp_node_is_fixed(&cut.zones->blob[z], k)) continue;
                 uint32_t i = 0;
@@ -502,7 +503,7 @@ static double bar_error(uint32_t n, const char *lines, bool crisp) {
                     for (size_t c = 0; c < 3 && load[j] > 0; c++)
                         u[c] += greens_row(&g, i, c)[3 * j + (size_t)direction];
                 }
-                palp_vec3 got = palp_zone_follow(cut.zones, 5, z, k, modes);
+                palp_vec3 got = palp_zone_modal_displacement(cut.zones, 5, z, k, modes);
                 const double off[3] = {(double)got.x - u[0], (double)got.y - u[1],
                                        (double)got.z - u[2]};
                 off2 += v_dot(off, off);
@@ -572,8 +573,9 @@ static void test_cost(void) {
         per_seam[i] = work / (zones[i] - 1);
         float bound = palp_seams_cost_factor(&a->seams, &palp_target_counted.instructions, 5) +
                       palp_assembly_cost_settle(a, &palp_target_counted.instructions, 5);
-        printf("# %2u zones: %.0f multiply-adds for a new posture, %.0f per seam, bound %.0f\n",
-               zones[i], work, per_seam[i], (double)bound);
+        printf(
+            "# %2u zones: %.0f multiply-adds for a new configuration, %.0f per seam, bound %.0f\n",
+            zones[i], work, per_seam[i], (double)bound);
         CHECK(work <= (double)bound, "within the bound for %u zones", zones[i]);
         mesh_free(&m);
     }
@@ -686,7 +688,7 @@ static void test_hostile(const zoned *model) {
                 if (room > 0 && palp_assembly_init(a, z, finest, memory, room) == PALP_OK) {
                     pose(a, value, finest);
                     for (uint32_t zone = 0; zone < z->meta->zones; zone++)
-                        (void)palp_assembly_place(a, zone, 0);
+                        (void)palp_assembly_position(a, zone, 0);
                     touch(a);
                 }
                 free(memory);

@@ -6,7 +6,7 @@
 #include "core/green/cost.h"
 #include "core/palp.h"
 #include "tests/wcet/instructions.h"
-#include "tools/wcet/hunt.h"
+#include "tools/wcet/tool_path.h"
 
 /* What a bound is made of: how many of each kind of work (the bound at unit prices). */
 typedef struct {

@@ -15,13 +15,13 @@ cortex-m7) cc=arm-none-eabi-gcc arch="-mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 
 *) echo "cases.sh: unknown target '$target'" >&2; exit 2 ;;
 esac
 mkdir -p "$out"
-newer=$(find core tests/wcet port/cortexm/orbit.c tools/wcet/hunt.c port/cortexm -newer "$out/cases" -name '*.[ch]' 2>/dev/null | head -1)
+newer=$(find core tests/wcet port/cortexm/test_trajectory.c tools/wcet/tool_path.c port/cortexm -newer "$out/cases" -name '*.[ch]' 2>/dev/null | head -1)
 if [ ! -e "$out/cases" ] || [ -n "$newer" ]; then
     core="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -I. $arch"
     rm -f "$out"/*.o
     for c in core/*/*.c; do echo "$c $out/$(echo "$c" | tr / _).o"; done |
         xargs -P 4 -n 2 sh -c "$cc $core -c \$0 -o \$1"
-    rest="tests/wcet/*_cases.c tests/wcet/instructions.c port/cortexm/orbit.c tools/wcet/hunt.c"
+    rest="tests/wcet/*_cases.c tests/wcet/instructions.c port/cortexm/test_trajectory.c tools/wcet/tool_path.c"
     flags="-std=gnu11 -O2 -fno-math-errno -I. $arch $host"
     if [ "$target" = cortex-m7 ]; then # memory: the board's PSRAM
         $cc $flags -Dmain=hosted_main -DCASES_AT=0x60000000 -c $program -o "$out/main.o"

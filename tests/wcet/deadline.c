@@ -11,7 +11,7 @@
  * kept back.
  */
 #include "tests/wcet/blobfile.h"
-#include "tools/wcet/hunt.h"
+#include "tools/wcet/tool_path.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

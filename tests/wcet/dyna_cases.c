@@ -32,11 +32,12 @@ static void count_search(cases *c, poked *p, palp_vec3 at) {
     uint64_t before = instructions();
     palp_impose_begin(i, &at);
     uint64_t after = instructions();
-    uint32_t looks = PALP_IMPOSE_LOOKS * i->max_spots - i->looks;
+    uint32_t narrow_tests = PALP_IMPOSE_NARROW_TESTS * i->max_points - i->narrow_tests;
     set(&f, PALP_WORK_SKIN, p->body.config.tets->meta->skin);
     set(&f, PALP_WORK_SKIN_TOOL, p->body.config.tets->meta->skin);
-    set(&f, PALP_WORK_SPOT, looks);
-    set(&f, PALP_WORK_ROOM, looks > i->max_spots ? (looks - i->max_spots) * i->max_spots : 0u);
+    set(&f, PALP_WORK_NARROW, narrow_tests);
+    set(&f, PALP_WORK_ROOM,
+        narrow_tests > i->max_points ? (narrow_tests - i->max_points) * i->max_points : 0u);
     cases_tell_features(c, "impose", 0, &f, after - before);
 }
 
@@ -48,13 +49,13 @@ static void count_steps(cases *c, poked *p, uint32_t most_class) {
         features f = {{0}};
         set(&f, PALP_WORK_ELEMENT, due_in(d, s, steps));
         set(&f, PALP_WORK_NODE_STEP, d->active_count);
-        set(&f, PALP_WORK_SOURCE, d->follow_terms);
-        set(&f, PALP_WORK_SPOT_STEP, p->body.impose.count);
+        set(&f, PALP_WORK_SOURCE, d->interpolation_terms);
+        set(&f, PALP_WORK_IMPOSED, p->body.impose.count);
         uint64_t before = instructions();
         palp_dyna_forces(d, s, steps);
         palp_dyna_move(d, steps);
         palp_impose_step(&p->body.impose, s, steps);
-        palp_dyna_follow(d);
+        palp_dyna_interpolate(d);
         uint64_t after = instructions();
         cases_tell_features(c, "steps", s == 0u, &f, after - before);
     }
@@ -73,7 +74,7 @@ static void count_end(cases *c, poked *p, float room) {
     p->body.changed = r.splits + r.merges > 0u;
     set(&f, PALP_WORK_NODE_TICK, t->meta->nodes);
     set(&f, PALP_WORK_FAMILY, t->meta->families * (1u + a->config.max_changes));
-    set(&f, PALP_WORK_LOOK, a->config.max_looks - a->looks);
+    set(&f, PALP_WORK_ELEMENT_TEST, a->config.max_element_tests - a->narrow_tests);
     if (p->body.changed) {
         set(&f, PALP_WORK_LIST_NODE, t->meta->nodes);
         set(&f, PALP_WORK_LIST_TET, t->meta->tets);
@@ -88,8 +89,8 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
     size_t used = c->used;
     for (uint32_t e = 0; e < episodes; e++, c->used = used) {
         poked *p = cases_take(c, sizeof *p);
-        uint32_t spots = 16u << dice_below(&d, 3);
-        size_t bytes = palp_dynamic_memsize(tets, spots);
+        uint32_t points = 16u << dice_below(&d, 3);
+        size_t bytes = palp_dynamic_memsize(tets, points);
         p->tool =
             palp_tool_sphere(tets->meta->diagonal_m *
                              (dice_below(&d, 3) == 0u ? 0.6f : 0.08f + 0.07f * dice_float(&d)));
@@ -98,7 +99,7 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
                                       .adapt = palp_adapt_defaults(tets),
                                       .tools = &p->tool,
                                       .tool_count = 1,
-                                      .max_spots = spots,
+                                      .max_points = points,
                                       .most_class = 5,
                                       .cost = {&palp_target_counted, 1e-6f, 0.0f, 0.8f},
                                       .port = {.now_ns = no_time},

@@ -40,7 +40,7 @@ static float of_finish(const palp_contact_cost *c, const step *s) {
 
 static float of_place(const palp_contact_cost *c, const step *s) {
     (void)s;
-    return palp_contact_cost_place(c) + c->price.of[PALP_WORK_FINISH];
+    return palp_contact_cost_patches(c) + c->price.of[PALP_WORK_FINISH];
 }
 
 static palp_vec3 anywhere(dice *d) {

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* Whole ticks: of the answer and of the servo, as they come and at their worst. */
 #include "tests/wcet/cases.h"
-#include "port/cortexm/orbit.h"
+#include "port/cortexm/test_trajectory.h"
 
 typedef struct {
-    hunt_tick t;
+    path_tick t;
     uint32_t frames;
     bool servo;
 } tick_done;
@@ -15,7 +15,7 @@ static float of_servo(const palp_contact_cost *c, const tick_done *d) {
     return c->price.of[PALP_WORK_SERVO] + (float)d->frames * c->price.of[PALP_WORK_FRAME];
 }
 static float of_tick(const palp_contact_cost *c, const tick_done *d) {
-    return hunt_bound(c, &d->t) + (d->servo ? of_servo(c, d) : 0.0f);
+    return path_bound(c, &d->t) + (d->servo ? of_servo(c, d) : 0.0f);
 }
 static float of_full(const palp_contact_cost *c, const tick_done *d) {
     float servo = palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
@@ -31,7 +31,7 @@ typedef struct {
     palp_servo_config config;
     palp_contact_cost *unit;
     palp_servo *servo;
-    orbit device;
+    test_trajectory device;
     cases *c;
     float ns_per_instruction;
     uint64_t worst;
@@ -63,7 +63,7 @@ static session *open_session(cases *c, const palp_blob *blob, uint32_t level, bo
                              float ball_m) {
     session *s = cases_take(c, sizeof *s);
     *s = (session){.blob = blob,
-                   .config = orbit_config(blob, 1000.0f, ball_m),
+                   .config = trajectory_config(blob, 1000.0f, ball_m),
                    .c = c,
                    .ns_per_instruction = 1e-6f};
     s->config.finest = level;
@@ -87,12 +87,12 @@ static void servo_tick(session *s, const float q[PALP_AXES], uint32_t frames) {
     palp_report r;
     tick_done d = {.t = {.level = s->config.finest}, .frames = frames, .servo = true};
     for (uint32_t k = 0; k < frames; k += PALP_AXES)
-        orbit_speak(&s->device, &s->config.device, q, in + k);
+        trajectory_speak(&s->device, &s->config.device, q, in + k);
     palp_tick_input input = {.frames = in, .count = frames, .events = 0};
     uint64_t before = instructions();
     uint32_t sent = palp_servo_tick(s->servo, &input, out, &r);
     uint64_t after = instructions();
-    orbit_listen(&s->device, &s->config.device, out, sent);
+    trajectory_listen(&s->device, &s->config.device, out, sent);
     if (r.state != PALP_STATE_RUN && r.state != PALP_STATE_DAMPING) {
         tell(s, "servo", 0, of_servo, &d, after - before);
     } else if (after - before > s->worst) {
@@ -111,7 +111,7 @@ static void servo_session(cases *c, const palp_blob *blob, dice *d, uint32_t lev
     float q[PALP_AXES], depth = 0.1f + 0.05f * dice_float(d);
     uint32_t phase = dice_below(d, 100000), style = dice_below(d, 3);
     for (uint32_t i = 0; i < ticks && s != NULL; i++) {
-        orbit_path(phase + (style == 0u ? 0u : i), i < 300u ? 0.0f : depth, q);
+        trajectory_path(phase + (style == 0u ? 0u : i), i < 300u ? 0.0f : depth, q);
         uint32_t frames = i < 200u ? 3u : style == 2u ? 3u : 3u + 3u * dice_below(d, 21);
         servo_tick(s, q, frames > 63u ? 63u : frames);
     }
@@ -127,7 +127,7 @@ typedef struct {
     uint64_t known, worst;
 } chase;
 
-static void told(void *context, const hunt_tick *tick) {
+static void told(void *context, const path_tick *tick) {
     chase *h = context;
     const tick_done d = {.t = *tick};
     if (tick->cost > h->worst) h->worst = tick->cost;
@@ -147,8 +147,8 @@ static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t lev
     size_t used = c->used;
     chase chased = {.known = 0};
     chased.s = open_session(c, blob, level, friction, 6.5f * blob->meta->mean_edge_m);
-    hunter *h = cases_take(c, sizeof *h);
-    *h = (hunter){.blob = blob,
+    search *h = cases_take(c, sizeof *h);
+    *h = (search){.blob = blob,
                   .level = level,
                   .friction = friction,
                   .port = {.now_ns = instruction_clock},
@@ -156,12 +156,12 @@ static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t lev
                   .told = told,
                   .context = &chased};
     h->memory = cases_take(c, h->bytes);
-    hunt_path best = hunt_random(d);
+    tool_path best = path_random(d);
     uint64_t most = 0;
     for (uint32_t i = 0; i < sessions && chased.s != NULL; i++) {
-        hunt_path p = i % 3u == 0u ? hunt_random(d) : hunt_mutated(best, d);
+        tool_path p = i % 3u == 0u ? path_random(d) : path_mutated(best, d);
         chased.worst = 0;
-        if (!hunt_run(h, &p, 40)) break;
+        if (!path_run(h, &p, 40)) break;
         if (chased.worst <= most) continue;
         most = chased.worst;
         best = p;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A multizone model in changing postures: its seams, and contact that follows them. */
+/* A multizone model in changing configurations: its seams, and contact that follows them. */
 #include "tests/wcet/cases.h"
 
 typedef struct {
@@ -43,8 +43,8 @@ static void tell(const setup *g, const char *name, seam_bound bound, uint32_t le
     cases_tell(g->c, name, level == PALP_DIAGONAL ? PALP_SEAM_LEVELS : level, answer, &q, counted);
 }
 
-/* The seams in another posture, on some level. */
-static void one_posture(setup *g, dice *d) {
+/* The seams in another configuration, on some level. */
+static void one_configuration(setup *g, dice *d) {
     palp_assembly *a = &g->assembly;
     const palp_frame rest = PALP_FRAME_IDENTITY;
     float value[PALP_MAX_JOINTS];
@@ -53,7 +53,7 @@ static void one_posture(setup *g, dice *d) {
     uint32_t level = dice_below(d, a->seams.finest + 2u);
     if (level > a->seams.finest) level = PALP_DIAGONAL;
     uint64_t before = instructions();
-    palp_seams_begin(&a->seams, a->posture, level);
+    palp_seams_begin(&a->seams, a->configuration, level);
     while (palp_seams_step(&a->seams)) {}
     uint64_t after = instructions();
     tell(g, "factor", of_factor, level, after - before);
@@ -88,8 +88,8 @@ static void press(setup *g, dice *d) {
     palp_contact_spring spring[2];
     for (uint32_t t = 0; t < 2u; t++) {
         const float out = palp_tool_extent(&g->tool[t]) * (0.75f + 0.25f * dice_float(d));
-        at[t] =
-            palp_madd(palp_assembly_place(a, zone, node), out, palp_assembly_normal(a, zone, node));
+        at[t] = palp_madd(palp_assembly_position(a, zone, node), out,
+                          palp_assembly_normal(a, zone, node));
         spring[t] = (palp_contact_spring){.held_m = at[t], .stiffness_N_per_m = 300.0f};
     }
     for (uint32_t k = 0; k < 3u; k++) cases_of_tick(g->c, &g->contact, g->unit, at, spring);
@@ -130,7 +130,7 @@ void cases_of_zones(cases *c, const void *data, size_t bytes, uint64_t seed, uin
         if (!open(g, finest)) break;
         for (uint32_t i = 0; i < rounds; i++) {
             if (i % 8u == 0u) g->contact.now = dice_below(&d, PALP_CONTACT_FINEST + 1u);
-            one_posture(g, &d);
+            one_configuration(g, &d);
             press(g, &d);
         }
         c->used = mark;

@@ -224,7 +224,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     section_add(&l, PALP_SEC_NORMAL, normal, m->vertices, 12);
     section_add(&l, PALP_SEC_AREA, area, m->vertices, 4);
     float *none = allocate(m->vertices, sizeof *none);
-    section_add(&l, PALP_SEC_SOFTENING, c->softening != NULL ? c->softening : none, m->vertices, 4);
+    section_add(&l, PALP_SEC_REGULARISATION, c->regularisation != NULL ? c->regularisation : none,
+                m->vertices, 4);
     float *level_area = add_levels(&l, c);
     add_detail(&l, c->detail, m->vertices);
     add_regular(&l, c->regular, c->level_error, m);

@@ -4,7 +4,7 @@
 #include "tools/solver/dense.h"
 #include "port/host/parallel.h"
 #include "tools/bake/regular.h"
-#include "tools/bake/soften.h"
+#include "tools/bake/regularise.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -296,7 +296,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     out_meta->max_error = (float)main_block->max;
     stiffness_range(&b, normal, out_meta);
     built out = {.bytes = NULL};
-    float *softening = NULL;
+    float *regularisation = NULL;
     regular_data regular =
         options->regular != NULL ? *options->regular : build_regular(&b, normal, out_meta);
     b.content.regular = regular.modes > 0 ? &regular : NULL;
@@ -304,15 +304,15 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     palp_blob blob = reopen(&b, &out);
     b.content.max_row = longest_row(&blob);
     if (!options->raw && !g->scalar && b.table[b.level] == NULL) {
-        softening = allocate(m->vertices, sizeof *softening);
-        out.softened = soften(&blob, softening).largest;
-        b.content.softening = softening;
+        regularisation = allocate(m->vertices, sizeof *regularisation);
+        out.regularised = soften(&blob, regularisation).largest;
+        b.content.regularisation = regularisation;
     }
     float level_error[PALP_LEVEL_ERRORS][2];
     if (blob.regular.modes > 0 && options->presses > 0)
         b.content.level_error = measure_levels(&blob, options->presses, &out, level_error);
     (void)reopen(&b, &out);
-    free(softening);
+    free(regularisation);
     if (options->regular == NULL) regular_free(&regular);
     for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++)
         columns_free(&b.columns[k / PALP_DOMAINS][k % PALP_DOMAINS]);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* From dense Green's functions to the finished bytes of a blob: domains, compressed columns of
- * every constraint level, tables, softening. */
+ * every constraint level, tables, regularisation. */
 #ifndef PALP_TOOLS_BUILD_H
 #define PALP_TOOLS_BUILD_H
 
@@ -29,7 +29,7 @@ typedef struct {
     uint8_t *bytes;
     size_t size;
     palp_meta meta;
-    double softened;     /* largest softening over a node's own compliance */
+    double regularised;  /* largest regularisation over a node's own compliance */
     double left_over;    /* of regular_data */
     press_errors levels; /* of contact; count 0: not measured */
 } built;

@@ -29,10 +29,10 @@ static condition_line parse_condition(const char *path, size_t line, char *field
         const char *name;
         palp_condition condition;
         int values;
-    } kinds[] = {{"u", PALP_GIVE_DISPLACEMENT, 3},
-                 {"n", PALP_GIVE_NORMAL, 1},
-                 {"f", PALP_GIVE_FORCE, 3},
-                 {"p", PALP_GIVE_TRACTION, 3},
+    } kinds[] = {{"u", PALP_PRESCRIBE_DISPLACEMENT, 3},
+                 {"n", PALP_PRESCRIBE_NORMAL, 1},
+                 {"f", PALP_PRESCRIBE_FORCE, 3},
+                 {"p", PALP_PRESCRIBE_TRACTION, 3},
                  {"free", PALP_RELEASE, 0}};
     condition_line c = {.line = line};
     if (fields < 2 || fields > 5)

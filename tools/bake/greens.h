@@ -7,7 +7,7 @@
 #define PALP_TOOLS_GREENS_H
 
 #include "tools/solver/bem.h"
-#include "tools/bake/definite.h"
+#include "tools/bake/nearest_spd.h"
 #include "tools/bake/hierarchy.h"
 #include <stdio.h>
 

@@ -117,7 +117,7 @@ double *hierarchy_compliance(const hierarchy *h, uint32_t level, const double *x
     return compliance;
 }
 
-void hierarchy_spread(const hierarchy *h, uint32_t level, uint32_t k, double *weight) {
+void hierarchy_distribute(const hierarchy *h, uint32_t level, uint32_t k, double *weight) {
     const palp_domain *d = &h->domain;
     memset(weight, 0, d->slots * sizeof *weight);
     weight[k] = 1;

@@ -34,6 +34,6 @@ double *hierarchy_columns(const hierarchy *h, uint32_t from, uint32_t to, const 
 double *hierarchy_compliance(const hierarchy *h, uint32_t level, const double *x, size_t stride);
 
 /* weight[slots] := column k of R_l^T, how a force on [l,k] is spread over the nodes. */
-void hierarchy_spread(const hierarchy *h, uint32_t level, uint32_t k, double *weight);
+void hierarchy_distribute(const hierarchy *h, uint32_t level, uint32_t k, double *weight);
 
 #endif

@@ -191,12 +191,12 @@ static uint32_t choose_constraint_level(const bake_spec *s, const mesh *m, const
     return level;
 }
 
-static void report_softening(const built *b, double epsilon) {
-    if (!(b->softened > 0)) return;
+static void report_regularisation(const built *b, double epsilon) {
+    if (!(b->regularised > 0)) return;
     fprintf(stderr,
-            "contact softened by up to %.2g of a node's own compliance, to "
+            "contact regularised by up to %.2g of a node's own compliance, to "
             "stay passive on thin parts at epsilon %g%s\n",
-            b->softened, epsilon, b->softened > 0.5 ? ": a smaller --epsilon lowers it" : "");
+            b->regularised, epsilon, b->regularised > 0.5 ? ": a smaller --epsilon lowers it" : "");
 }
 
 /* Most memory that the process has had, in bytes. */
@@ -337,7 +337,7 @@ int command_bake(int argc, char **argv) {
     }
     greens g = body_greens(&s.body, &m, fixed, &d, build.constraint_level, s.raw);
     built b = blob_build(&m, &g, &d, area, normal, describe(&s), &build);
-    report_softening(&b, s.epsilon);
+    report_regularisation(&b, s.epsilon);
     if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
     report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);

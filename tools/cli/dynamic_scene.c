@@ -2,7 +2,7 @@
 /* palp play of a dynamic body: tools follow a scene, the body moves, every tick within a budget. */
 #include "core/dyna/skin.h"
 #include "core/servo/dynamic.h"
-#include "tools/cli/film.h"
+#include "tools/cli/animation.h"
 #include "tools/cli/play.h"
 #include "tools/cli/scene.h"
 #include "tools/study/plot.h"
@@ -13,7 +13,7 @@
 #include <string.h>
 
 #define FRAMES_HZ 30.0
-#define SPOTS 64
+#define POINTS 64
 
 /* Orders of magnitude for soft things, from soft to stiff. */
 static const struct {
@@ -42,7 +42,7 @@ typedef struct {
     double begun_s;
     size_t ticks;
     dynamic_tick *tick;
-    film film;
+    animation animation;
     double jump_m, step_m, fade_m; /* of the surface: largest difference that a change left
                    to fade; largest motion, and beyond it, of a vertex in a tick */
 } player;
@@ -103,7 +103,7 @@ static void open_body(player *p) {
                              .adapt = palp_adapt_defaults(&p->tets),
                              .tools = p->tool,
                              .tool_count = p->tools,
-                             .max_spots = SPOTS,
+                             .max_points = POINTS,
                              .most_class = s->most_class,
                              .cost = {.target = &palp_target_counted,
                                       .ns_per_instruction = (float)s->ns_per_operation,
@@ -115,7 +115,7 @@ static void open_body(player *p) {
         c.adapt.refine_m = (float)s->refine_share * p->tets.meta->diagonal_m;
         c.adapt.merge_m = 0.1f * c.adapt.refine_m;
     }
-    size_t bytes = palp_dynamic_memsize(&p->tets, SPOTS);
+    size_t bytes = palp_dynamic_memsize(&p->tets, POINTS);
     palp_vec3 at[SCENE_TRACKS];
     float bound_ns = 0;
     where_tools_are(p, 0, at);
@@ -133,15 +133,15 @@ static void open_body(player *p) {
     float reach = 0.0f;
     for (uint32_t i = 0; i < p->tets.meta->nodes; i++)
         reach = palp_max(reach, palp_norm(palp_vec3_at(p->tets.rest_m + 3 * (size_t)i)));
-    p->film = film_open(p->tets.meta->skin, p->tets.meta->skin_triangles, p->tets.skin_triangle,
-                        1 / FRAMES_HZ, 3 * (double)reach,
-                        p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
+    p->animation = animation_open(p->tets.meta->skin, p->tets.meta->skin_triangles,
+                                  p->tets.skin_triangle, 1 / FRAMES_HZ, 3 * (double)reach,
+                                  p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
 }
 
 /* Largest displacement of the surface, and how it stepped. */
 static void look_at_surface(player *p, dynamic_tick *k, const float *before) {
     for (uint32_t i = 0; i < p->tets.meta->skin; i++) {
-        palp_vec3 now = palp_vec3_at(p->skin.place_m + 3 * i);
+        palp_vec3 now = palp_vec3_at(p->skin.position_m + 3 * i);
         palp_vec3 rest = palp_vec3_at(p->tets.rest_m + 3 * (size_t)p->tets.skin_node[i]);
         double moved = (double)palp_norm(palp_sub(now, palp_vec3_at(before + 3 * i)));
         double speed = (double)palp_norm(palp_skin_velocity(&p->body.dyna, i)) / p->s.rate_hz;
@@ -173,14 +173,14 @@ static void run(player *p) {
         k->asked_us = (double)(now_ns(p) - p->begun_ns) * 1e-3;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++)
             k->force_N[p->which[t]] = force[t];
-        memcpy(before, p->skin.place_m, 3 * skin * sizeof *before);
+        memcpy(before, p->skin.position_m, 3 * skin * sizeof *before);
         palp_skin_update(&p->skin, (float)(1 / p->s.rate_hz));
         look_at_surface(p, k, before);
         if (i % frame_every == 0 && p->spec->report != NULL) {
             double ball[3];
             scene_at(&p->s.track[SCENE_PROBE], k->t_s, ball);
             const float b[3] = {(float)ball[0], (float)ball[1], (float)ball[2]};
-            film_add(&p->film, p->skin.place_m, p->body.dyna.skin_level, b);
+            animation_add(&p->animation, p->skin.position_m, p->body.dyna.skin_level, b);
         }
     }
     free(before);
@@ -213,10 +213,10 @@ static double fine_work(const player *p) {
     return sum;
 }
 
-static spread times(const player *p, bool wall) {
+static percentiles times(const player *p, bool wall) {
     double *x = allocate(p->ticks, sizeof *x);
     for (size_t i = 0; i < p->ticks; i++) x[i] = wall ? p->tick[i].wall_us : p->tick[i].asked_us;
-    spread s = spread_of(x, p->ticks);
+    percentiles s = percentiles_of(x, p->ticks);
     free(x);
     return s;
 }
@@ -224,7 +224,7 @@ static spread times(const player *p, bool wall) {
 static void summary(FILE *f, const player *p) {
     double force = 0, displaced = 0, work = 0, most = 0, fine = fine_work(p);
     uint32_t splits = 0, merges = 0, refused = 0, overflow = 0, active[PALP_TET_LEVELS] = {0};
-    size_t shortened = 0, collapsed = 0, coasted = 0, calmed = 0, lost = 0;
+    size_t shortened = 0, collapsed = 0, coasted = 0, energy_limited = 0, lost = 0;
     for (size_t i = 0; i < p->ticks; i++) {
         const palp_dynamic_report *r = &p->tick[i].r;
         force = fmax(force, force_of(&p->tick[i]));
@@ -238,12 +238,12 @@ static void summary(FILE *f, const player *p) {
         shortened += r->shortened;
         collapsed += r->collapsed;
         coasted += r->coasted;
-        calmed += r->calmed;
+        energy_limited += r->energy_limited;
         lost += r->lost;
         for (uint32_t l = 0; l < p->tets.meta->levels; l++)
             active[l] = r->active[l] > active[l] ? r->active[l] : active[l];
     }
-    spread asked = times(p, false), wall = times(p, true);
+    percentiles asked = times(p, false), wall = times(p, true);
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
             p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
     fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", asked.p50,
@@ -274,9 +274,9 @@ static void summary(FILE *f, const player *p) {
     if (lost > 0)
         fprintf(f, "motion lost           put back to rest in %zu ticks: not finite any more\n",
                 lost);
-    fprintf(f, "energy monitor        acted in %zu ticks\n", calmed);
+    fprintf(f, "energy monitor        acted in %zu ticks\n", energy_limited);
     fprintf(f, "contact               largest force %.3g N, largest displacement %.3g m%s\n", force,
-            displaced, overflow > 0 ? "; some vertices found no place among the spots" : "");
+            displaced, overflow > 0 ? "; some vertices found no place among the points" : "");
 }
 
 static void write_csv(const player *p, const char *path) {
@@ -372,7 +372,7 @@ static void write_report(const player *p, const char *path) {
           f);
     summary(f, p);
     fputs("</pre>\n", f);
-    film_write(f, &p->film);
+    animation_write(f, &p->animation);
     for (size_t i = 0; i < sizeof graphs / sizeof graphs[0]; i++) draw(f, p, &graphs[i]);
     fputs("</body></html>\n", f);
     commit_output(&out);
@@ -392,7 +392,7 @@ int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     if (s->csv != NULL) write_csv(p, s->csv);
     if (s->report != NULL) write_report(p, s->report);
     bool late = late_ticks(p) > 0 && !s->wall;
-    film_free(&p->film);
+    animation_free(&p->animation);
     scene_free(&p->s);
     free(p->tick);
     free(p);

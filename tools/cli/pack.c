@@ -16,7 +16,7 @@
 #include "tools/bake/half.h"
 #include "port/host/parallel.h"
 #include "tools/bake/rangecoder.h"
-#include "tools/bake/soften.h"
+#include "tools/bake/regularise.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -434,11 +434,11 @@ int command_unpack(int argc, char **argv) {
     palp_blob b;
     palp_status status = palp_blob_open(&b, blob, bytes);
     if (status != PALP_OK) refuse(s.input, palp_status_text(status));
-    int softening = find_section(&parts, PALP_SEC_SOFTENING);
+    int regularisation = find_section(&parts, PALP_SEC_REGULARISATION);
     bool extracts = b.level[b.meta->constraint_level].table == NULL;
     bool touched = !palp_blob_has(&b, PALP_META_SCALAR);
     if (palp_blob_has(&b, PALP_META_SYMMETRIC) && extracts && touched) {
-        (void)soften(&b, (float *)(void *)parts.data[softening]);
+        (void)soften(&b, (float *)(void *)parts.data[regularisation]);
         free(blob);
         blob = assemble(&parts, &bytes);
     }

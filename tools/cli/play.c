@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* palp play: a multizone model follows a scene, a new posture each tick, in bounded time. */
+/* palp play: a multizone model follows a scene, a new configuration each tick, in bounded time. */
 #include "core/dyna/dyna.h"
 #include "core/green/field.h"
 #include "core/contact/loads.h"
@@ -201,13 +201,13 @@ static void take_picture(player *p) {
         palp_field_update(&field, load, loads);
         const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
         float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
-        palp_seams_zone(&p->a->seams, p->a->posture, PALP_SEAM_LEVELS - 1, i, total, modes);
+        palp_seams_zone(&p->a->seams, p->a->configuration, PALP_SEAM_LEVELS - 1, i, total, modes);
         if (p->place[i] == NULL) {
             p->place[i] = allocate(3 * nodes, sizeof(float));
             p->heat[i] = allocate(nodes, sizeof(float));
         }
         for (uint32_t n = 0; n < nodes; n++) {
-            palp_vec3 u = palp_zone_follow(p->z, p->spec->finest, i, n, modes);
+            palp_vec3 u = palp_zone_modal_displacement(p->z, p->spec->finest, i, n, modes);
             if (!palp_node_is_fixed(b, n))
                 u = palp_add(u,
                              palp_vec3_at(local + PALP_FIELD_LANES * (size_t)palp_node_slot(b, n)));
@@ -250,7 +250,7 @@ static void run(player *p) {
         palp_answer_tick(p->b, start_ns, at, result, &k->answer);
         k->budget_us_used = (double)(now_ns(p) - start_ns) * 1e-3;
         k->wall_us = (now_s() - start) * 1e6;
-        check_closures(p->spec->scene, p->z, p->a->posture);
+        check_closures(p->spec->scene, p->z, p->a->configuration);
         double pressed = 0;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++) {
             k->force_N[p->which[t]] = result[t].force_N;
@@ -268,11 +268,11 @@ static void run(player *p) {
 
 /* ---- what it was like ---- */
 
-static spread times(const player *p, bool wall) {
+static percentiles times(const player *p, bool wall) {
     double *x = allocate(p->ticks + 1, sizeof *x);
     for (size_t i = 0; i < p->ticks; i++)
         x[i] = wall ? p->tick[i].wall_us : p->tick[i].budget_us_used;
-    spread s = spread_of(x, p->ticks);
+    percentiles s = percentiles_of(x, p->ticks);
     free(x);
     return s;
 }
@@ -295,7 +295,7 @@ static void summary(FILE *f, const player *p) {
         for (int t = 0; t < SCENE_TRACKS; t++)
             force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
     }
-    spread work = times(p, false), wall = times(p, true);
+    percentiles work = times(p, false), wall = times(p, true);
     double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
             p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
@@ -417,7 +417,7 @@ static void write_report(const player *p, const char *path) {
         body[i] = (view_body){.nodes = p->z->blob[i].meta->nodes,
                               .triangles = p->z->blob[i].meta->triangles,
                               .triangle = p->z->blob[i].triangle,
-                              .place_m = p->place[i],
+                              .position_m = p->place[i],
                               .heat = p->heat[i]};
     view_cylinder cylinder = {
         {(double)k->tool_m[0].x, (double)k->tool_m[0].y, (double)k->tool_m[0].z},
@@ -439,9 +439,9 @@ static int ascending(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
-spread spread_of(double *x, size_t count) {
+percentiles percentiles_of(double *x, size_t count) {
     qsort(x, count, sizeof *x, ascending);
-    return (spread){x[count / 2], x[(count - 1) * 99 / 100], x[count - 1]};
+    return (percentiles){x[count / 2], x[(count - 1) * 99 / 100], x[count - 1]};
 }
 
 double play_budget_us(const play_spec *s, double rate_hz) {

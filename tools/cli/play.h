@@ -28,8 +28,8 @@ typedef struct {
 /* Microseconds of each tick: median, 99th percentile and largest; x is sorted. */
 typedef struct {
     double p50, p99, max;
-} spread;
-spread spread_of(double *x, size_t count);
+} percentiles;
+percentiles percentiles_of(double *x, size_t count);
 
 /* The budget of a tick in us; exits if it is longer than the period. */
 double play_budget_us(const play_spec *s, double rate_hz);

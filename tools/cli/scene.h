@@ -5,7 +5,7 @@
 #define PALP_SIM_SCENE_H
 
 #include "core/contact/tool.h"
-#include "core/zone/posture.h"
+#include "core/zone/configuration.h"
 #include <stdbool.h>
 #include <stddef.h>
 

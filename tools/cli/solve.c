@@ -92,7 +92,7 @@ static uint32_t choose_level(const palp_blob *b, const char *level) {
 }
 
 static void apply(palp_cma *cma, const char *path, const condition_line *c) {
-    palp_status status = palp_cma_give(cma, c->node, c->condition, c->value);
+    palp_status status = palp_cma_prescribe(cma, c->node, c->condition, c->value);
     if (status == PALP_ERR_ARGUMENT && c->condition == PALP_RELEASE &&
         !palp_node_is_fixed(cma->blob, c->node)) {
         die(EXIT_USAGE, "%s:%zu: node %" PRIu32 " is not fixed, so it cannot be released", path,

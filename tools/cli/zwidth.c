@@ -6,7 +6,7 @@
  * stable, far beyond that line.
  */
 #include "core/servo/servo.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "port/host/args.h"
 #include "tools/cli/commands.h"
 #include "port/host/blobfile.h"

@@ -3,8 +3,8 @@
  * A whole servo over CAN frames: servo BLOB
  *
  * The tick takes the frames that came since the last one and gives those to be sent. Here the three
- * drives are a few lines that speak the Palp profile, and their arm moves by itself; on a controller
- * the frames come from the bus, and each tick begins when its period does.
+ * drives are a few lines that speak the Palp profile, and their arm moves by itself; on a
+ * controller the frames come from the bus, and each tick begins when its period does.
  */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include "blob.h"

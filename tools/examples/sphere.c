@@ -2,8 +2,9 @@
 /*
  * Contact with one rigid sphere, without a device: sphere BLOB
  *
- * The sphere is pressed into the body from above, a hundredth of its radius at a time, and the force
- * on it is printed. A solve begins from where the last one ended; a few in the same place settle.
+ * The sphere is pressed into the body from above, a hundredth of its radius at a time, and the
+ * force on it is printed. A solve begins from where the last one ended; a few in the same place
+ * settle.
  */
 #include "blob.h"
 

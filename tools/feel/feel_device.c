@@ -6,7 +6,7 @@
  * swings.
  */
 #include "tools/feel/feel_device.h"
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "sim/spectrum.h"
 #include "port/host/util.h"
 #include <math.h>

@@ -23,7 +23,7 @@ typedef struct {
     void *memory;
     size_t bytes;
     uint64_t base_ns, base_work;
-    uint32_t looks, leap_at; /* clock readings in this tick; at which it leaps, 0: never */
+    uint32_t clock_reads, leap_at; /* clock readings in this tick; at which it leaps, 0: never */
     uint64_t leap_ns;
     double ns_per_operation;
 } hand;
@@ -31,7 +31,7 @@ typedef struct {
 static uint64_t virtual_ns(void *context) {
     hand *h = context;
     double work = (double)(h->answer.contact.work_done - h->base_work);
-    if (h->leap_at > 0 && ++h->looks == h->leap_at) h->base_ns += h->leap_ns;
+    if (h->leap_at > 0 && ++h->clock_reads == h->leap_at) h->base_ns += h->leap_ns;
     return h->base_ns + (uint64_t)(work * h->ns_per_operation);
 }
 
@@ -69,7 +69,7 @@ static void close_hand(hand *h) {
 static palp_coupling_result tick(hand *h, palp_vec3 device, palp_answer_report *report) {
     palp_coupling_result result;
     palp_answer_report r;
-    h->looks = 0;
+    h->clock_reads = 0;
     h->base_work = h->answer.contact.work_done;
     uint64_t start = virtual_ns(h);
     palp_answer_tick(&h->answer, start, &device, &result, &r);

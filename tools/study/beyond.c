@@ -83,7 +83,8 @@ static bool patch_force(palp_cma *cma, const near_node *list, uint32_t count, pa
     palp_cma_clear(cma);
     (void)palp_cma_level(cma, level, pairing);
     for (uint32_t i = 0; i < count; i++) {
-        if (palp_cma_give(cma, list[i].node, PALP_GIVE_DISPLACEMENT, push) != PALP_OK) return false;
+        if (palp_cma_prescribe(cma, list[i].node, PALP_PRESCRIBE_DISPLACEMENT, push) != PALP_OK)
+            return false;
     }
     if (palp_cma_solve(cma, u, f) != PALP_OK) return false;
     *total = (palp_vec3){0};
@@ -227,7 +228,7 @@ static double charge_error(const study_case *c, const double *scalar, const palp
     if (palp_cma_init(&cma, b, m, memory, bytes) != PALP_OK) die(EXIT_WORK, "solver");
     for (uint32_t i = 0; i < n; i++) {
         if (c->fixed[i] == 0)
-            (void)palp_cma_give(&cma, i, PALP_GIVE_DISPLACEMENT, (palp_vec3){1, 0, 0});
+            (void)palp_cma_prescribe(&cma, i, PALP_PRESCRIBE_DISPLACEMENT, (palp_vec3){1, 0, 0});
     }
     if (palp_cma_solve(&cma, v, q) != PALP_OK) die(EXIT_WORK, "the charges cannot be solved for");
     double *a = allocate_aligned((size_t)m * m, sizeof *a), *x = allocate(m, sizeof *x);

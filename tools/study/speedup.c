@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define SPOTS 64
+#define POINTS 64
 
 typedef struct {
     palp_dynamic body;
@@ -31,7 +31,7 @@ static palp_vec3 ball_at(const poke *p, uint32_t k) {
         high = -d + 6 * d * (t - 0.3f) / 0.02f;
     else
         high = 5 * d;
-    return palp_madd(p->place_m, p->radius_m + high, p->normal);
+    return palp_madd(p->position_m, p->radius_m + high, p->normal);
 }
 
 static void begin(poked *b, const palp_tets *tets, palp_material material, const poke *p,
@@ -43,7 +43,7 @@ static void begin(poked *b, const palp_tets *tets, palp_material material, const
         .adapt = palp_adapt_defaults(tets),
         .tools = &b->tool,
         .tool_count = 1,
-        .max_spots = SPOTS,
+        .max_points = POINTS,
         .most_class = PALP_STEP_CLASSES - 1,
         .cost = {.target = &palp_target_counted, .ns_per_instruction = 1e-6f, .margin = 0.8f},
         .port = {.now_ns = no_time},
@@ -51,7 +51,7 @@ static void begin(poked *b, const palp_tets *tets, palp_material material, const
         .uniform = uniform};
     c.adapt.refine_m = (float)share * tets->meta->diagonal_m;
     c.adapt.merge_m = 0.1f * c.adapt.refine_m;
-    size_t bytes = palp_dynamic_memsize(tets, SPOTS);
+    size_t bytes = palp_dynamic_memsize(tets, POINTS);
     palp_vec3 at = ball_at(p, 0);
     b->memory = allocate_aligned(bytes, 1);
     palp_status s = palp_dynamic_init(&b->body, &c, &at, b->memory, bytes, NULL);
@@ -77,7 +77,7 @@ poke poke_for(const palp_tets *tets) {
     }
     if (best < 0) die(EXIT_WORK, "the speed-up is measured on a body that is held: fix some nodes");
     return (poke){.radius_m = 0.05f * m->diagonal_m,
-                  .place_m = palp_vec3_at(tets->rest_m + 3 * (size_t)tets->skin_node[found]),
+                  .position_m = palp_vec3_at(tets->rest_m + 3 * (size_t)tets->skin_node[found]),
                   .normal = palp_vec3_at(tets->skin_normal + 3 * (size_t)found),
                   .depth_m = 0.05f * m->diagonal_m,
                   .ticks = 1500};
@@ -101,7 +101,8 @@ speedup speedup_measure(const palp_tets *tets, palp_material material, const pok
         for (uint32_t l = 0; l < tets->meta->levels; l++) nodes += report_a.active[l];
         r.most_nodes = nodes > r.most_nodes ? nodes : r.most_nodes;
         for (uint32_t i = 0; i < tets->meta->skin; i++) {
-            palp_vec3 x = palp_skin_place(&a->body.dyna, i), y = palp_skin_place(&f->body.dyna, i);
+            palp_vec3 x = palp_skin_position(&a->body.dyna, i),
+                      y = palp_skin_position(&f->body.dyna, i);
             palp_vec3 rest = palp_vec3_at(tets->rest_m + 3 * (size_t)tets->skin_node[i]);
             double off = (double)palp_norm(palp_sub(x, y));
             r.worst_m = fmax(r.worst_m, off);

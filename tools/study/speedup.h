@@ -6,11 +6,11 @@
 #include "core/dyna/adapt.h"
 
 typedef struct {
-    float radius_m;    /* of the ball */
-    palp_vec3 place_m; /* on the surface, where it presses */
-    palp_vec3 normal;  /* outward there */
-    float depth_m;     /* how far it goes in within 0.15 s; held 0.05 s, and away */
-    uint32_t ticks;    /* of 1 ms */
+    float radius_m;       /* of the ball */
+    palp_vec3 position_m; /* on the surface, where it presses */
+    palp_vec3 normal;     /* outward there */
+    float depth_m;        /* how far it goes in within 0.15 s; held 0.05 s, and away */
+    uint32_t ticks;       /* of 1 ms */
 } poke;
 
 /* A ball of a twentieth of the diagonal against the vertex of the skin furthest from what is held,

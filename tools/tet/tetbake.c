@@ -85,7 +85,7 @@ static void add_element(sections *s, const tetmesh *m, uint32_t i, uint32_t firs
         s->node[n].volume_m3 += (float)(volume / 4);
         static const int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}};
         for (int p = 0; p < 6; p++)
-            s->node[n].spread[p] += (float)(volume * b[k][pair[p][0]] * b[k][pair[p][1]]);
+            s->node[n].gradient_sum[p] += (float)(volume * b[k][pair[p][0]] * b[k][pair[p][1]]);
         for (int j = 0; j < 4; j++) {
             float d = (float)v_distance(m->x[m->t[i][k]], m->x[m->t[i][j]]);
             bool nearer = d < s->node[n].near_m || !(s->node[n].near_m > 0);

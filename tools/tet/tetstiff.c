@@ -71,7 +71,7 @@ double tet_coupling(const tetmesh *m, const palp_tet_node *node) {
         double theta = 0;
         p.lambda = 2 * ratio[k] / (1 - 2 * ratio[k]);
         for (uint32_t i = 0; i < m->nodes; i++) {
-            p.j[i] = (double)palp_dyna_bound(node[i].spread, (float)(p.lambda + 1), 1.0f);
+            p.j[i] = (double)palp_dyna_bound(node[i].gradient_sum, (float)(p.lambda + 1), 1.0f);
             for (int a = 0; a < 3; a++) {
                 seed = seed * 1664525u + 1013904223u;
                 p.u[i][a] = seed / 4294967296.0 - 0.5;

@@ -2,7 +2,7 @@
 /* palp wcet: what every step of a tick costs at most on a target, and whether that is in time. */
 #include "port/host/args.h"
 #include "port/host/blobfile.h"
-#include "tools/wcet/hunt.h"
+#include "tools/wcet/tool_path.h"
 #include "port/host/machine.h"
 #include "port/host/util.h"
 #include "core/servo/answer.h"
@@ -65,7 +65,7 @@ static void set_option(void *context, const argument *a) {
         s->margin = arg_upto(a, 1);
         if (!(s->margin > 0)) die(EXIT_USAGE, "--margin: above 0 and at most 1");
     } else if (strcmp(a->option, "--hunt") == 0) {
-        s->hunt_s = arg_between(a, 0, 1e6);
+        s->search_s = arg_between(a, 0, 1e6);
     } else if (strcmp(a->option, "--keep") == 0) {
         s->keep = a->value[0];
     } else if (strcmp(a->option, "--replay") == 0) {
@@ -247,7 +247,7 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
                        wcet_table *t) {
     static palp_dynamic d;
     palp_tets tets;
-    const uint32_t spots = 64;
+    const uint32_t points = 64;
     palp_status status = palp_tets_open(&tets, data, bytes);
     if (status != PALP_OK)
         die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
@@ -255,7 +255,7 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
     palp_tool tool = tool_of(s, 0.05f * meta->diagonal_m);
     palp_target bytes_target = {.name = "bytes", .instructions = palp_bytes_touched};
     const palp_target *target[2] = {&m->target, &bytes_target};
-    size_t room = palp_dynamic_memsize(&tets, spots);
+    size_t room = palp_dynamic_memsize(&tets, points);
     void *memory = allocate_aligned(room, 1);
     double least[2], adapt[2], tick[2][PALP_STEP_CLASSES], coarse[2];
     for (int k = 0; k < 2; k++) {
@@ -266,7 +266,7 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
                                  .adapt = palp_adapt_defaults(&tets),
                                  .tools = &tool,
                                  .tool_count = 1,
-                                 .max_spots = spots,
+                                 .max_points = points,
                                  .most_class = PALP_STEP_CLASSES - 1u,
                                  .cost = {target[k], 1.0f, 0.0f, 1.0f},
                                  .port = {.now_ns = no_clock},
@@ -375,18 +375,18 @@ int command_wcet(int argc, char **argv) {
     wcet_table t = {.rows = 0};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "which blob? (palp wcet --help)");
-    if (s.keep != NULL && !(s.hunt_s > 0)) die(EXIT_USAGE, "--keep goes with --hunt");
+    if (s.keep != NULL && !(s.search_s > 0)) die(EXIT_USAGE, "--keep goes with --hunt");
     const palp_target *own = machine_of_this_build();
     if (s.target == NULL && own == NULL)
         die(EXIT_USAGE, "no cost table is shipped for this machine: give one with --target");
     machine_find(&m, s.target != NULL ? s.target : own->name);
     size_t bytes;
     void *data = read_file(s.blob, &bytes);
-    if (s.hunt_s > 0 && s.tool != WCET_BALL) die(EXIT_USAGE, "--hunt goes with a ball");
-    if (s.replay != NULL && (s.hunt_s > 0 || s.json))
+    if (s.search_s > 0 && s.tool != WCET_BALL) die(EXIT_USAGE, "--hunt goes with a ball");
+    if (s.replay != NULL && (s.search_s > 0 || s.json))
         die(EXIT_USAGE, "--replay prints a table of its own: not with --hunt or --json");
     bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
-    if ((zones || tets) && (s.hunt_s > 0 || s.replay != NULL))
+    if ((zones || tets) && (s.search_s > 0 || s.replay != NULL))
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
     if (s.limited) warn("--limits: left aside: contact has levels instead");
     if (zones) {
@@ -397,7 +397,7 @@ int command_wcet(int argc, char **argv) {
         palp_blob blob = open_blob(s.blob, data, bytes);
         if (s.replay != NULL) return wcet_replay(&s, &m, &blob);
         bound_body(&s, &m, &blob, &t);
-        if (s.hunt_s > 0) wcet_hunt(&s, &m, &blob);
+        if (s.search_s > 0) wcet_search(&s, &m, &blob);
     }
     double budget_us = s.margin * 1e6 / s.rate_hz;
     bool fits = time_us(&m, &t.row[t.rows - 1]) <= budget_us;

@@ -9,7 +9,7 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 
 typedef struct {
     const char *blob, *target, *keep, *replay;
-    double rate_hz, margin, hunt_s;
+    double rate_hz, margin, search_s;
     wcet_tool tool;
     bool friction, limited, json; /* limited: --limits was given */
 } wcet_spec;
@@ -28,7 +28,7 @@ typedef struct {
 
 /* Looks for the most expensive tick on each level for so many seconds and says on stderr how near
  * it comes to the bound; writes its path to spec->keep. */
-void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob);
+void wcet_search(const wcet_spec *spec, const machine *m, const palp_blob *blob);
 /* Goes along a kept path and prints a line per tick. Returns the exit code. */
 int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob);
 

@@ -252,7 +252,7 @@ double *seam_modes(const seam_list *s, const mesh *first, uint32_t limit, palp_s
             for (int a = 0; a < 3; a++) place[a] += q * first->x[s->node[i][0]][a];
         }
         entry->ones[k] = (float)one;
-        for (int a = 0; a < 3; a++) entry->place_m[k][a] = (float)place[a];
+        for (int a = 0; a < 3; a++) entry->position_m[k][a] = (float)place[a];
     }
     double *mode = allocate((size_t)n * b.modes, sizeof *mode);
     for (uint32_t i = 0; i < n; i++) {

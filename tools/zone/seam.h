@@ -5,7 +5,7 @@
 #define PALP_TOOLS_SEAM_H
 
 #include "core/zone/zones.h"
-#include "tools/mesh/cut.h"
+#include "tools/mesh/cut_mesh.h"
 #include "tools/zone/zonemodel.h"
 
 #define SEAM_TOLERANCE 1e-6 /* of the model's diagonal, between bonded nodes */

@@ -20,7 +20,7 @@ typedef struct {
     uint8_t *fixed, *seam; /* [vertices] held, and held by a seam */
     uint32_t bones;        /* held nodes that no seam holds */
     uint32_t seams, list[PALP_MAX_ZONE_SEAMS], first[PALP_MAX_ZONE_SEAMS], modes;
-    float *stiffness, *follow, *reaction, *weight;
+    float *stiffness, *response, *reaction, *weight;
     uint32_t *seam_of; /* [vertices] PALP_NONE: on none */
     greens g;
     domains dom;
@@ -382,7 +382,7 @@ static void condense(zone_bakery *b, uint32_t i, const greens *g, const domains 
         }
     }
     const domain_data *domain = dom->domain;
-    float **out[PALP_DOMAINS] = {&d->follow, &d->reaction};
+    float **out[PALP_DOMAINS] = {&d->response, &d->reaction};
     for (uint32_t w = 0; w < PALP_DOMAINS; w++) {
         uint32_t slots = domain[w].view.slots;
         *out[w] = allocate(9 * modes * slots + 1, sizeof **out[w]);
@@ -428,7 +428,7 @@ static rest_model model_at_rest(const zone_bakery *b) {
                                 .g = &d->g,
                                 .dom = &d->dom,
                                 .stiffness = d->stiffness,
-                                .follow = d->follow,
+                                .response = d->response,
                                 .seams = d->seams,
                                 .modes = d->modes,
                                 .material = {body->young_Pa, body->poisson}};
@@ -569,8 +569,8 @@ static uint8_t *write_model(zone_bakery *b, size_t *bytes) {
         uint64_t m = d->modes;
         section_add(&t, PALP_SEC_ZONE_BLOB + i, d->blob.bytes, d->blob.size, 1);
         section_add(&t, PALP_SEC_STIFFNESS + i, d->stiffness, m * (m + 1) / 2, 36);
-        section_add(&t, PALP_SEC_FOLLOW + i, d->follow, m * d->blob.meta.domain_nodes[PALP_FREE],
-                    36);
+        section_add(&t, PALP_SEC_SEAM_RESPONSE + i, d->response,
+                    m * d->blob.meta.domain_nodes[PALP_FREE], 36);
         section_add(&t, PALP_SEC_REACTION + i, d->reaction,
                     m * d->blob.meta.domain_nodes[PALP_FIXED], 36);
         if (d->weight != NULL) section_add(&t, PALP_SEC_WEIGHT + i, d->weight, m, 36);
@@ -581,7 +581,7 @@ static uint8_t *write_model(zone_bakery *b, size_t *bytes) {
     return out;
 }
 
-/* Opens what was made, as the run time will, and factors it in the rest posture. */
+/* Opens what was made, as the run time will, and factors it in the rest configuration. */
 static void try_out(const zone_bakery *b, const uint8_t *bytes, size_t size) {
     palp_zones *zones = allocate(1, sizeof *zones);
     palp_seams *seams = allocate(1, sizeof *seams);

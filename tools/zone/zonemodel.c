@@ -92,7 +92,7 @@ static void set_limits(joint_spec *j, const argument *a) {
     if (!(j->low >= -1e4 && j->high <= 1e4))
         die(EXIT_USAGE, "%s: limits lie between -10000 and 10000", a->where);
     if (!(j->low <= 0 && j->high >= 0)) {
-        die(EXIT_USAGE, "%s: %s to %s leaves out 0, the rest posture", a->where, a->value[0],
+        die(EXIT_USAGE, "%s: %s to %s leaves out 0, the rest configuration", a->where, a->value[0],
             a->value[1]);
     }
 }

@@ -146,8 +146,8 @@ static felt_vertex *felt_vertices(const rest_model *r, const rest_surface *s, ui
     return felt;
 }
 
-/* How the felt vertices follow all seams: [3 count][3 modes of all seams]. To be freed. */
-static double *follow_rows(const rest_model *r, const felt_vertex *felt, uint32_t count) {
+/* How the felt vertices response all seams: [3 count][3 modes of all seams]. To be freed. */
+static double *response_rows(const rest_model *r, const felt_vertex *felt, uint32_t count) {
     const size_t width = 3 * (size_t)first_mode(r, r->seams);
     double *p = allocate_aligned(3 * (size_t)count * width + 1, sizeof *p);
     uint32_t *at[PALP_MAX_ZONES];
@@ -155,7 +155,7 @@ static double *follow_rows(const rest_model *r, const felt_vertex *felt, uint32_
     for (size_t i = 0; i < count; i++) {
         const felt_vertex *f = &felt[i];
         const rest_zone *zone = &r->zone[f->zone];
-        const float *block = zone->follow + 9 * (size_t)f->slot * zone->modes;
+        const float *block = zone->response + 9 * (size_t)f->slot * zone->modes;
         for (size_t e = 0; e < 9 * (size_t)zone->modes; e++)
             p[(3 * i + e % 9 / 3) * width + 3 * (size_t)at[f->zone][e / 9] + e % 3] =
                 (double)block[e];
@@ -168,7 +168,7 @@ static double *follow_rows(const rest_model *r, const felt_vertex *felt, uint32_
 static double *compliance(const rest_model *r, const felt_vertex *felt, uint32_t count) {
     const size_t n = 3 * (size_t)count, width = 3 * (size_t)first_mode(r, r->seams);
     double *g = allocate_aligned(n * n, sizeof *g);
-    double *p = follow_rows(r, felt, count), *answer = answer_of(r);
+    double *p = response_rows(r, felt, count), *answer = answer_of(r);
     double *turned = allocate_aligned(width * n + 1, sizeof *turned);
     double *half = allocate_aligned(n * width + 1, sizeof *half);
     for (size_t i = 0; i < n; i++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What contact needs of a multizone model: in the rest posture all zones are one body, which near a
- * load is a half-space, at seams as well. The rest of its compliance,
+ * What contact needs of a multizone model: in the rest configuration all zones are one body, which
+ * near a load is a half-space, at seams as well. The rest of its compliance,
  *
  *     H = G + P A^-1 P^T - B
  *
@@ -13,7 +13,7 @@
 #define PALP_TOOLS_ZONEREST_H
 
 #include "tools/bake/build.h"
-#include "tools/mesh/cut.h"
+#include "tools/mesh/cut_mesh.h"
 
 /* One zone, with its seams held. */
 typedef struct {
@@ -21,7 +21,7 @@ typedef struct {
     const uint32_t *seam_of; /* [vertices] PALP_NONE: on none */
     const greens *g;
     const domains *dom;
-    const float *stiffness, *follow; /* as in the file (core/zone/zones.h) */
+    const float *stiffness, *response; /* as in the file (core/zone/zones.h) */
     uint32_t seams, list[PALP_MAX_ZONE_SEAMS], first[PALP_MAX_ZONE_SEAMS], modes;
     regular_material material;
 } rest_zone;

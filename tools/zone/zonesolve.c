@@ -57,7 +57,8 @@ void check_joint(const char *where, const palp_zones *zones, uint32_t joint, dou
         (double)e->low, (double)e->high, e->kind == PALP_REVOLUTE ? "rad" : "m");
 }
 
-void check_closures(const char *where, const palp_zones *zones, const palp_posture *posture) {
+void check_closures(const char *where, const palp_zones *zones,
+                    const palp_configuration *configuration) {
     double size = 0;
     for (uint32_t i = 0; i < zones->meta->zones; i++) {
         const palp_meta *m = zones->blob[i].meta;
@@ -65,11 +66,13 @@ void check_closures(const char *where, const palp_zones *zones, const palp_postu
         double length = (double)palp_norm(d);
         if (length > size) size = length;
     }
-    if ((double)posture->open_rad <= OPEN_RAD && (double)posture->open_m <= OPEN_RAD * size) return;
+    if ((double)configuration->open_rad <= OPEN_RAD &&
+        (double)configuration->open_m <= OPEN_RAD * size)
+        return;
     die(EXIT_WORK,
         "%s: these joint values leave a loop open, by %.3g m and %.3g rad at its closure: change "
         "them together",
-        where, (double)posture->open_m, (double)posture->open_rad);
+        where, (double)configuration->open_m, (double)configuration->open_rad);
 }
 
 /* ---- nodes ---- */
@@ -109,7 +112,7 @@ typedef struct {
     const palp_zones *z;
     const zone_solve_spec *spec;
     palp_seams *q;
-    palp_posture posture;
+    palp_configuration configuration;
     uint32_t level;
     palp_cma cma[PALP_MAX_ZONES];
     float *u[PALP_MAX_ZONES], *f[PALP_MAX_ZONES]; /* [nodes][3], zone's frame */
@@ -128,9 +131,9 @@ static void pose(problem *p) {
         check_joint("--joint", p->z, j, s->joint[k].value);
         value[j] = (float)s->joint[k].value;
     }
-    palp_posture_rest(&p->posture, p->z);
-    palp_posture_set(&p->posture, p->z, value, &rest);
-    check_closures(s->blob, p->z, &p->posture);
+    palp_configuration_rest(&p->configuration, p->z);
+    palp_configuration_set(&p->configuration, p->z, value, &rest);
+    check_closures(s->blob, p->z, &p->configuration);
 }
 
 static uint32_t choose_level(const char *word) {
@@ -146,7 +149,7 @@ static uint32_t choose_level(const char *word) {
 static void take_condition(problem *p, const condition_line *c) {
     uint32_t zone = zone_of(p->z, c->node), node = c->node - p->z->part[zone].first_node;
     const palp_blob *b = &p->z->blob[zone];
-    const float *turn = p->posture.frame[zone].r;
+    const float *turn = p->configuration.frame[zone].r;
     if (palp_node_is_fixed(b, node))
         die(EXIT_USAGE, "%s:%zu: node %" PRIu32 " of zone '%s' is held by a bone or a seam",
             p->spec->set, c->line, node, p->z->zone[zone].name);
@@ -154,7 +157,7 @@ static void take_condition(problem *p, const condition_line *c) {
     float *load = p->load[zone] + 3 * (size_t)node;
     scalar_condition s = {.zone = zone, .node = node};
     switch (c->condition) {
-    case PALP_GIVE_DISPLACEMENT:
+    case PALP_PRESCRIBE_DISPLACEMENT:
         for (uint32_t k = 0; k < 3; k++) {
             const float part[3] = {value.x, value.y, value.z};
             s.direction =
@@ -163,14 +166,14 @@ static void take_condition(problem *p, const condition_line *c) {
             p->condition[p->conditions++] = s;
         }
         break;
-    case PALP_GIVE_NORMAL:
+    case PALP_PRESCRIBE_NORMAL:
         s.direction = palp_vec3_at(b->normal + 3 * (size_t)node);
         s.target = (double)c->value.x;
         p->condition[p->conditions++] = s;
         break;
-    case PALP_GIVE_TRACTION:
+    case PALP_PRESCRIBE_TRACTION:
         value = palp_scale(b->area_m2[node], value); /* fall through */
-    case PALP_GIVE_FORCE:
+    case PALP_PRESCRIBE_FORCE:
         load[0] += value.x;
         load[1] += value.y;
         load[2] += value.z;
@@ -189,10 +192,11 @@ static void solve_zone(problem *p, uint32_t zone, bool gravity) {
     palp_cma_clear(c);
     for (uint32_t i = 0; i < p->z->blob[zone].meta->nodes; i++) {
         palp_vec3 force = palp_vec3_at(load + 3 * (size_t)i);
-        if (palp_dot(force, force) > 0.0f) (void)palp_cma_give(c, i, PALP_GIVE_FORCE, force);
+        if (palp_dot(force, force) > 0.0f)
+            (void)palp_cma_prescribe(c, i, PALP_PRESCRIBE_FORCE, force);
     }
     if (gravity) {
-        palp_vec3 g = palp_rotate_back(p->posture.frame[zone].r, p->gravity);
+        palp_vec3 g = palp_rotate_back(p->configuration.frame[zone].r, p->gravity);
         (void)palp_cma_gravity(c, g);
     }
     palp_status status = palp_cma_solve(c, p->u[zone], p->f[zone]);
@@ -202,8 +206,8 @@ static void solve_zone(problem *p, uint32_t zone, bool gravity) {
 /* Right-hand side of the seams for all loads. */
 static void seam_loads(problem *p, bool bent, float *r) {
     if (bent) {
-        palp_seams_mismatch(p->q, &p->posture, p->level, r);
-        palp_seams_gravity(p->q, &p->posture, p->level, p->gravity, r);
+        palp_seams_mismatch(p->q, &p->configuration, p->level, r);
+        palp_seams_gravity(p->q, &p->configuration, p->level, p->gravity, r);
     } else {
         memset(r, 0, 3 * (size_t)p->q->modes * sizeof *r);
     }
@@ -212,9 +216,9 @@ static void seam_loads(problem *p, bool bent, float *r) {
         for (uint32_t n = 0; n < p->z->blob[i].meta->nodes; n++) {
             palp_vec3 force = palp_vec3_at(p->load[i] + 3 * (size_t)n);
             if (palp_dot(force, force) > 0.0f)
-                palp_zone_feel(p->z, PALP_SEAM_LEVELS - 1, i, n, 1.0f, force, felt);
+                palp_zone_modal_load(p->z, PALP_SEAM_LEVELS - 1, i, n, 1.0f, force, felt);
         }
-        palp_seams_load(p->q, &p->posture, p->level, i, felt, r);
+        palp_seams_load(p->q, &p->configuration, p->level, i, felt, r);
         free(felt);
     }
 }
@@ -227,16 +231,16 @@ static void displacements(problem *p, bool bent, const float *w, double *out) {
         solve_zone(p, i, bent);
         modes[i] = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes[i]);
         if (bent) {
-            palp_seams_zone(p->q, &p->posture, p->level, i, w, modes[i]);
+            palp_seams_zone(p->q, &p->configuration, p->level, i, w, modes[i]);
         } else {
-            palp_seams_spread(p->q, &p->posture, p->level, i, w, modes[i]);
+            palp_seams_expand(p->q, &p->configuration, p->level, i, w, modes[i]);
         }
     }
     for (uint32_t k = 0; k < p->conditions; k++) {
         const scalar_condition *c = &p->condition[k];
         palp_vec3 u = palp_vec3_at(p->u[c->zone] + 3 * (size_t)c->node);
-        u = palp_add(
-            u, palp_zone_follow(p->z, PALP_SEAM_LEVELS - 1, c->zone, c->node, modes[c->zone]));
+        u = palp_add(u, palp_zone_modal_displacement(p->z, PALP_SEAM_LEVELS - 1, c->zone, c->node,
+                                                     modes[c->zone]));
         out[k] = (double)palp_dot(c->direction, u);
     }
     for (uint32_t i = 0; i < p->z->meta->zones; i++) free(modes[i]);
@@ -295,13 +299,13 @@ static void add_seams(problem *p, uint32_t zone, const float *w) {
     const palp_blob *b = &z->blob[zone];
     size_t modes = z->zone[zone].modes;
     float *m = allocate(3 * modes + 1, sizeof *m);
-    palp_seams_zone(p->q, &p->posture, p->level, zone, w, m);
+    palp_seams_zone(p->q, &p->configuration, p->level, zone, w, m);
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
         uint32_t slot = palp_node_slot(b, i);
         bool held = palp_node_is_fixed(b, i);
         palp_vec3 v = {0.0f, 0.0f, 0.0f};
         const float *block =
-            (held ? z->part[zone].reaction : z->part[zone].follow) + 9 * modes * slot;
+            (held ? z->part[zone].reaction : z->part[zone].response) + 9 * modes * slot;
         for (size_t k = 0; k < modes; k++)
             v = palp_add(v, palp_rotate(block + 9 * k, palp_vec3_at(m + 3 * k)));
         float *to = (held ? p->f[zone] : p->u[zone]) + 3 * (size_t)i;
@@ -315,7 +319,7 @@ static void add_seams(problem *p, uint32_t zone, const float *w) {
         uint32_t side = e->zone[0] == zone ? 0 : 1;
         for (uint32_t i = 0; i < e->nodes; i++) {
             const uint32_t node = z->seam_node[s][2 * i + side];
-            palp_vec3 v = palp_zone_follow(z, PALP_SEAM_LEVELS - 1, zone, node, m);
+            palp_vec3 v = palp_zone_modal_displacement(z, PALP_SEAM_LEVELS - 1, zone, node, m);
             float *to = p->u[zone] + 3 * (size_t)node;
             to[0] = v.x;
             to[1] = v.y;
@@ -327,7 +331,7 @@ static void add_seams(problem *p, uint32_t zone, const float *w) {
 
 static void write_zone(const problem *p, FILE *f, uint32_t zone) {
     const palp_blob *b = &p->z->blob[zone];
-    const palp_frame *frame = &p->posture.frame[zone];
+    const palp_frame *frame = &p->configuration.frame[zone];
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
         palp_vec3 local = palp_vec3_at(p->u[zone] + 3 * (size_t)i);
         palp_vec3 u = palp_rotate(frame->r, local);
@@ -376,8 +380,8 @@ int zone_solve(const zone_solve_spec *s, const char *data, size_t bytes) {
     }
     output out = open_output(s->output);
     p->q = open_seams(s->blob, p->z);
-    if (palp_seams_refresh(p->q, &p->posture, p->level) != PALP_OK)
-        die(EXIT_WORK, "%s: the seams cannot be solved in this posture", s->blob);
+    if (palp_seams_refresh(p->q, &p->configuration, p->level) != PALP_OK)
+        die(EXIT_WORK, "%s: the seams cannot be solved in this configuration", s->blob);
     solve_conditions(p);
     float *w = allocate(3 * (size_t)p->q->modes + 1, sizeof *w);
     seam_loads(p, true, w);

@@ -23,7 +23,7 @@ int zone_solve(const zone_solve_spec *s, const char *data, size_t bytes);
 /* Opens a multizone model; exits 1 if it is not sound. To be freed. */
 palp_zones *open_zones(const char *path, const char *data, size_t bytes);
 
-/* Seams with memory for every level, in the rest posture. Exits 1 if they cannot be. */
+/* Seams with memory for every level, in the rest configuration. Exits 1 if they cannot be. */
 palp_seams *open_seams(const char *path, const palp_zones *zones);
 
 /* The joint of that name; exits 2 if there is none that has a value. */
@@ -32,7 +32,8 @@ uint32_t find_joint(const char *where, const palp_zones *zones, const char *name
 /* Exits 2 if a value is out of its limits. */
 void check_joint(const char *where, const palp_zones *zones, uint32_t joint, double value);
 
-/* Exits 1 if the closures of the posture are open. */
-void check_closures(const char *where, const palp_zones *zones, const palp_posture *posture);
+/* Exits 1 if the closures of the configuration are open. */
+void check_closures(const char *where, const palp_zones *zones,
+                    const palp_configuration *configuration);
 
 #endif

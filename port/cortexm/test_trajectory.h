@@ -11,21 +11,21 @@
 typedef struct {
     palp_e2e sent[PALP_AXES], received[PALP_AXES];
     bool on[PALP_AXES];
-} orbit;
+} test_trajectory;
 
 palp_device orbit_device(float rate_hz);
 
 /* A servo over the blob's highest free node with a ball on the arm: all but cost and port. */
-palp_servo_config orbit_config(const palp_blob *blob, float rate_hz, float ball_m);
+palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float ball_m);
 
 /* Joint angles of a tick: a slow figure over the body that goes in and out of it. */
-void orbit_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]);
+void trajectory_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]);
 
 /* What the drives say in a tick: one frame each to out[PALP_AXES]. */
-void orbit_speak(orbit *o, const palp_device *device, const float q_rad[PALP_AXES],
-                 palp_can_frame *out);
+void trajectory_speak(test_trajectory *o, const palp_device *device, const float q_rad[PALP_AXES],
+                      palp_can_frame *out);
 /* What they are told. */
-void orbit_listen(orbit *o, const palp_device *device, const palp_can_frame *frames,
-                  uint32_t count);
+void trajectory_listen(test_trajectory *o, const palp_device *device, const palp_can_frame *frames,
+                       uint32_t count);
 
 #endif

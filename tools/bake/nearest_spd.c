@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/bake/definite.h"
+#include "tools/bake/nearest_spd.h"
 #include "tools/solver/dense.h"
 #include "tools/solver/eigen.h"
 #include "port/host/parallel.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* A surface in motion on a page: turned with the mouse, coloured by the level that is active. */
-#ifndef PALP_SIM_FILM_H
-#define PALP_SIM_FILM_H
+#ifndef PALP_TOOLS_ANIMATION_H
+#define PALP_TOOLS_ANIMATION_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -16,14 +16,15 @@ typedef struct {
     int16_t *frame; /* [frames][vertices + 1][3], the ball last */
     uint8_t *level; /* [frames][vertices] */
     size_t level_room;
-} film;
+} animation;
 
-/* A film of a surface that stays within reach_m of the origin. */
-film film_open(uint32_t vertices, uint32_t triangles, const uint32_t *triangle, double frame_s,
-               double reach_m, double ball_m);
-void film_add(film *m, const float *place_m, const uint8_t *level, const float ball_m[3]);
+/* A animation of a surface that stays within reach_m of the origin. */
+animation animation_open(uint32_t vertices, uint32_t triangles, const uint32_t *triangle,
+                         double frame_s, double reach_m, double ball_m);
+void animation_add(animation *m, const float *position_m, const uint8_t *level,
+                   const float ball_m[3]);
 /* A canvas with its script, for the body of a page. */
-void film_write(FILE *f, const film *m);
-void film_free(film *m);
+void animation_write(FILE *f, const animation *m);
+void animation_free(animation *m);
 
 #endif

@@ -4,8 +4,8 @@
  * on a hexagonal lattice of the loops' edge length, Delaunay's triangulation of the projection with
  * the loops' edges enforced, heights by harmonic interpolation.
  */
-#ifndef PALP_TOOLS_CAP_H
-#define PALP_TOOLS_CAP_H
+#ifndef PALP_TOOLS_CAP_SURFACE_H
+#define PALP_TOOLS_CAP_SURFACE_H
 
 #include <stdint.h>
 

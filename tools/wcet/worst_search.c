@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* palp wcet --hunt: which path over a body does most in one tick. */
 #include "port/host/args.h"
-#include "tools/wcet/hunt.h"
+#include "tools/wcet/tool_path.h"
 #include "port/host/util.h"
 #include "tools/wcet/wcet.h"
 #include <inttypes.h>
@@ -14,9 +14,9 @@
 
 /* The most expensive tick of a level, by the prices of the target, and how long it took here. */
 typedef struct {
-    hunt_tick tick;
+    path_tick tick;
     double instructions;
-    hunt_path path;
+    tool_path path;
 } costliest;
 
 typedef struct {
@@ -24,7 +24,7 @@ typedef struct {
     costliest of[PALP_CONTACT_LEVELS];
     double best;           /* of the path under way */
     double longest_ns;     /* of any of its ticks, by the clock */
-    const hunt_path *path; /* under way */
+    const tool_path *path; /* under way */
     bool print;
     uint64_t ticks;
 } hunting;
@@ -34,9 +34,9 @@ static uint64_t clock_ns(void *context) {
     return (uint64_t)(now_s() * 1e9);
 }
 
-static void told(void *context, const hunt_tick *tick) {
+static void told(void *context, const path_tick *tick) {
     hunting *h = context;
-    double instructions = (double)hunt_bound(&h->cost, tick);
+    double instructions = (double)path_bound(&h->cost, tick);
     h->ticks++;
     h->longest_ns = fmax(h->longest_ns, (double)tick->cost);
     h->best = fmax(h->best, instructions);
@@ -47,12 +47,12 @@ static void told(void *context, const hunt_tick *tick) {
         h->of[tick->level] = (costliest){*tick, instructions, *h->path};
 }
 
-static hunter *make_hunter(const wcet_spec *s, const machine *m, const palp_blob *blob,
+static search *make_search(const wcet_spec *s, const machine *m, const palp_blob *blob,
                            hunting *state) {
-    hunter *h = allocate(1, sizeof *h);
+    search *h = allocate(1, sizeof *h);
     palp_tool ball = palp_tool_sphere(6.5f * blob->meta->mean_edge_m); /* the largest there is */
     ball.friction = s->friction ? 0.3f : 0.0f;
-    *h = (hunter){.blob = blob,
+    *h = (search){.blob = blob,
                   .level = PALP_CONTACT_FINEST,
                   .friction = s->friction,
                   .port = {.now_ns = clock_ns},
@@ -64,15 +64,15 @@ static hunter *make_hunter(const wcet_spec *s, const machine *m, const palp_blob
     return h;
 }
 
-static void run(hunter *h, hunting *state, const hunt_path *path) {
+static void run(search *h, hunting *state, const tool_path *path) {
     state->path = path;
     state->best = 0;
-    if (!hunt_run(h, path, TICKS)) die(EXIT_WORK, "the body cannot be touched: bake it again");
+    if (!path_run(h, path, TICKS)) die(EXIT_WORK, "the body cannot be touched: bake it again");
 }
 
 static void keep_path(const char *file, const costliest *d) {
     output out = open_output(file);
-    const hunt_path *p = &d->path;
+    const tool_path *p = &d->path;
     fprintf(out.file,
             "# the path of the most expensive tick that palp wcet --hunt found (--replay goes "
             "along it)\n"
@@ -88,18 +88,18 @@ static void chill(void) {
     for (size_t i = 0; i < CHILL_BYTES; i += 64) other[i]++;
 }
 
-void wcet_hunt(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
+void wcet_search(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
     hunting *state = allocate(1, sizeof *state);
-    hunter *h = make_hunter(spec, m, blob, state);
+    search *h = make_search(spec, m, blob, state);
     dice d = {1};
-    const double each_s = spec->hunt_s / (PALP_CONTACT_FINEST + 1);
-    hunt_path best = hunt_random(&d);
+    const double each_s = spec->search_s / (PALP_CONTACT_FINEST + 1);
+    tool_path best = path_random(&d);
     uint32_t paths = 0;
     for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++) {
         double until = now_s() + each_s, most = 0;
         h->level = l;
         for (uint32_t i = 0; i == 0 || now_s() < until; i++, paths++) {
-            hunt_path p = i % 3 == 0 ? hunt_random(&d) : hunt_mutated(best, &d);
+            tool_path p = i % 3 == 0 ? path_random(&d) : path_mutated(best, &d);
             run(h, state, &p);
             if (state->best <= most) continue;
             most = state->best;
@@ -144,7 +144,7 @@ static const option keys[] = {{"--dwell", 1}, {"--radius", 1}, {"--stiffness", 1
                               {"--far", 1},   {"--seed", 1},   {NULL, 0}};
 
 static void set_key(void *context, const argument *a) {
-    hunt_path *p = context;
+    tool_path *p = context;
     if (a->option == NULL) die(EXIT_WORK, "%s: not a path of palp wcet --keep", a->where);
     if (strcmp(a->option, "--dwell") == 0) {
         p->dwell = arg_u32(a, 0, 1, 1000000);
@@ -165,13 +165,13 @@ static void set_key(void *context, const argument *a) {
 }
 
 int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
-    hunt_path path = {.dwell = 0};
+    tool_path path = {.dwell = 0};
     args_parse_file(spec->replay, keys, set_key, &path);
     if (path.dwell == 0 || !(path.radius > 0) || !(path.stiffness > 0))
         die(EXIT_WORK, "%s: no path of palp wcet --keep: dwell, radius and stiffness are missing",
             spec->replay);
     hunting *state = allocate(1, sizeof *state);
-    hunter *h = make_hunter(spec, m, blob, state);
+    search *h = make_search(spec, m, blob, state);
     state->print = true;
     printf("tick,level,fillings,points,active,iterations,instructions_max\n");
     run(h, state, &path);

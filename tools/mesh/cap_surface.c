@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/mesh/cap.h"
+#include "tools/mesh/cap_surface.h"
 #include "tools/mesh/mesh.h"
 #include "port/host/util.h"
 #include <math.h>

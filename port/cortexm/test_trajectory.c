@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "port/cortexm/orbit.h"
+#include "port/cortexm/test_trajectory.h"
 #include "core/device/profile.h"
 
 #define RAD_PER_REV 6.28318530718f
@@ -36,7 +36,7 @@ static uint32_t highest(const palp_blob *b) {
     return top;
 }
 
-palp_servo_config orbit_config(const palp_blob *blob, float rate_hz, float ball_m) {
+palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float ball_m) {
     palp_vec3 top = palp_vec3_at(blob->rest_m + 3u * highest(blob));
     return (palp_servo_config){.device = orbit_device(rate_hz),
                                .placement = {.origin_m = {top.x, top.y, top.z + ball_m},
@@ -46,7 +46,7 @@ palp_servo_config orbit_config(const palp_blob *blob, float rate_hz, float ball_
                                .tool = palp_tool_sphere(ball_m)};
 }
 
-void orbit_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]) {
+void trajectory_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]) {
     float t = 1e-3f * (float)(tick % 1000000u), sine, cosine, slow, unused;
     palp_sincos(6.0f * t, &sine, &cosine);
     palp_sincos(1.7f * t, &slow, &unused);
@@ -55,8 +55,8 @@ void orbit_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]) {
     q_rad[2] = depth_rad * (0.5f * slow - 0.5f) + 0.02f * sine;
 }
 
-void orbit_speak(orbit *o, const palp_device *device, const float q_rad[PALP_AXES],
-                 palp_can_frame *out) {
+void trajectory_speak(test_trajectory *o, const palp_device *device, const float q_rad[PALP_AXES],
+                      palp_can_frame *out) {
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         palp_profile_status s = {.state = o->on[i] ? PALP_DRIVE_IS_ON : PALP_DRIVE_IS_OFF,
                                  .position_rev = q_rad[i] * device->gear[i] / RAD_PER_REV};
@@ -64,8 +64,8 @@ void orbit_speak(orbit *o, const palp_device *device, const float q_rad[PALP_AXE
     }
 }
 
-void orbit_listen(orbit *o, const palp_device *device, const palp_can_frame *frames,
-                  uint32_t count) {
+void trajectory_listen(test_trajectory *o, const palp_device *device, const palp_can_frame *frames,
+                       uint32_t count) {
     for (uint32_t k = 0; k < count; k++) {
         for (uint32_t i = 0; i < PALP_AXES; i++) {
             palp_profile_command c;

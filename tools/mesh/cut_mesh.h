@@ -3,8 +3,8 @@
  * Cuts a closed mesh into zones: a label for each triangle, from planes or from a file, and new
  * surface between zones, the same triangles on both sides.
  */
-#ifndef PALP_TOOLS_CUT_H
-#define PALP_TOOLS_CUT_H
+#ifndef PALP_TOOLS_CUT_MESH_H
+#define PALP_TOOLS_CUT_MESH_H
 
 #include "tools/mesh/mesh.h"
 

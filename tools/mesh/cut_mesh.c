@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/mesh/cut.h"
-#include "tools/mesh/cap.h"
+#include "tools/mesh/cut_mesh.h"
+#include "tools/mesh/cap_surface.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/wcet/hunt.h"
+#include "tools/wcet/tool_path.h"
 
-hunt_path hunt_random(dice *d) {
-    return (hunt_path){.dwell = 1u + dice_below(d, 60),
+tool_path path_random(dice *d) {
+    return (tool_path){.dwell = 1u + dice_below(d, 60),
                        .radius = 3.5f + 3.0f * dice_float(d),
                        .stiffness = 0.6f + 0.5f * dice_float(d),
                        .sunk = 0.5f + 0.4f * dice_float(d),
@@ -12,8 +12,8 @@ hunt_path hunt_random(dice *d) {
                        .seed = dice_roll(d)};
 }
 
-hunt_path hunt_mutated(hunt_path path, dice *d) {
-    hunt_path p = path;
+tool_path path_mutated(tool_path path, dice *d) {
+    tool_path p = path;
     float *value[6] = {&p.radius, &p.stiffness, &p.sunk, &p.swing, &p.tremble, &p.far};
     for (uint32_t i = 0; i < 6u; i++) *value[i] *= 1.0f + 0.3f * dice_float(d) * dice_float(d);
     if (dice_below(d, 3) == 0u) p.dwell = 1u + (p.dwell + dice_below(d, 9)) % 60u;
@@ -22,7 +22,7 @@ hunt_path hunt_mutated(hunt_path path, dice *d) {
     return p;
 }
 
-static palp_vec3 next_place(const hunter *h, const hunt_path *p, dice *d, uint32_t tick,
+static palp_vec3 next_place(const search *h, const tool_path *p, dice *d, uint32_t tick,
                             uint32_t *node) {
     const palp_blob *b = h->blob;
     if (tick % p->dwell == 0u) {
@@ -39,7 +39,7 @@ static palp_vec3 next_place(const hunter *h, const hunt_path *p, dice *d, uint32
                      (palp_vec3){dice_float(d), dice_float(d), dice_float(d)});
 }
 
-float hunt_bound(const palp_contact_cost *cost, const hunt_tick *tick) {
+float path_bound(const palp_contact_cost *cost, const path_tick *tick) {
     const palp_contact_level l = palp_contact_level_of(tick->level, cost->modes);
     float sum = palp_answer_cost_around(cost) + palp_contact_cost_filled(cost, tick->filled);
     if (tick->points == 0u) return sum;
@@ -49,7 +49,7 @@ float hunt_bound(const palp_contact_cost *cost, const hunt_tick *tick) {
            palp_contact_cost_finish(cost, l, tick->points, tick->active);
 }
 
-static void one_tick(hunter *h, palp_vec3 at) {
+static void one_tick(search *h, palp_vec3 at) {
     palp_coupling_result result;
     palp_answer_report r;
     if (h->chill != NULL) h->chill();
@@ -57,7 +57,7 @@ static void one_tick(hunter *h, palp_vec3 at) {
     palp_answer_tick(&h->answer, before, &at, &result, &r);
     uint64_t after = h->port.now_ns(h->port.context);
     const palp_contact *c = &h->answer.contact;
-    const hunt_tick t = {.level = r.level,
+    const path_tick t = {.level = r.level,
                          .filled = c->filled,
                          .points = c->count,
                          .active = c->most_active,
@@ -66,7 +66,7 @@ static void one_tick(hunter *h, palp_vec3 at) {
     h->told(h->context, &t);
 }
 
-bool hunt_run(hunter *h, const hunt_path *path, uint32_t ticks) {
+bool path_run(search *h, const tool_path *path, uint32_t ticks) {
     dice d = {path->seed};
     h->tool = palp_tool_sphere(path->radius * h->blob->meta->mean_edge_m);
     h->tool.friction = h->friction ? 0.3f : 0.0f;

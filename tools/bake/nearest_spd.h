@@ -7,8 +7,8 @@
  * diag(G), each eigenvalue of S below DEFINITE_FLOOR is raised to it, which is the smallest change
  * of S (in Frobenius norm) that does so.
  */
-#ifndef PALP_TOOLS_DEFINITE_H
-#define PALP_TOOLS_DEFINITE_H
+#ifndef PALP_TOOLS_NEAREST_SPD_H
+#define PALP_TOOLS_NEAREST_SPD_H
 
 #include <stdbool.h>
 #include <stddef.h>

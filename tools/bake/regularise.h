@@ -8,18 +8,18 @@
  * a_i to each N_ii, a_i the largest entry of column i, by which details are dropped, mends that; mu
  * is the least that does, to ten per cent.
  */
-#ifndef PALP_TOOLS_SOFTEN_H
-#define PALP_TOOLS_SOFTEN_H
+#ifndef PALP_TOOLS_REGULARISE_H
+#define PALP_TOOLS_REGULARISE_H
 
 #include "core/blob/blob.h"
 
 typedef struct {
     double mu;
     double largest; /* largest mu a_i / N_ii */
-} soften_report;
+} regularisation_report;
 
-/* Writes softening[nodes] (m/N, 0 off the constraint level) for an opened blob, from the columns of
- * its constraint level. Cost: m columns, about ten LU of order m. */
-soften_report soften(const palp_blob *blob, float *softening);
+/* Writes regularisation[nodes] (m/N, 0 off the constraint level) for an opened blob, from the
+ * columns of its constraint level. Cost: m columns, about ten LU of order m. */
+regularisation_report soften(const palp_blob *blob, float *regularisation);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "sim/rig.h"
+#include "sim/virtual_time.h"
 #include "port/host/placement.h"
 #include "port/host/util.h"
 #include <math.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "posture.h"
+#include "configuration.h"
 
 static palp_frame motion(const palp_joint_entry *j, float value) {
     palp_vec3 axis = palp_vec3_at(j->axis);
@@ -10,7 +10,7 @@ static palp_frame motion(const palp_joint_entry *j, float value) {
 }
 
 /* How far the motion between two zones is from one that the joint allows. */
-static void measure_closure(palp_posture *p, const palp_joint_entry *j) {
+static void measure_closure(palp_configuration *p, const palp_joint_entry *j) {
     palp_frame f = palp_frame_between(&p->frame[j->parent], &p->frame[j->child]);
     palp_vec3 axis = palp_vec3_at(j->axis), origin = palp_vec3_at(j->origin_m);
     palp_vec3 moved = palp_sub(palp_carry(&f, origin), origin);
@@ -26,9 +26,9 @@ static void measure_closure(palp_posture *p, const palp_joint_entry *j) {
     p->open_rad = palp_max(p->open_rad, turned);
 }
 
-void palp_posture_set(palp_posture *posture, const palp_zones *zones, const float *value,
-                      const palp_frame *root) {
-    palp_posture *p = posture;
+void palp_configuration_set(palp_configuration *configuration, const palp_zones *zones,
+                            const float *value, const palp_frame *root) {
+    palp_configuration *p = configuration;
     p->clamped = 0;
     p->open_m = p->open_rad = 0.0f;
     if (palp_vec3_is_finite(root->t) && palp_is_rotation(root->r)) {
@@ -64,13 +64,13 @@ void palp_posture_set(palp_posture *posture, const palp_zones *zones, const floa
     }
 }
 
-void palp_posture_rest(palp_posture *posture, const palp_zones *zones) {
+void palp_configuration_rest(palp_configuration *configuration, const palp_zones *zones) {
     const float zero[PALP_MAX_JOINTS] = {0};
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    *posture = (palp_posture){.clamped = 0};
-    palp_posture_set(posture, zones, zero, &rest);
+    *configuration = (palp_configuration){.clamped = 0};
+    palp_configuration_set(configuration, zones, zero, &rest);
 }
 
-palp_frame palp_posture_world(const palp_posture *posture, uint32_t zone) {
-    return palp_frame_compose(&posture->root, &posture->frame[zone]);
+palp_frame palp_configuration_world(const palp_configuration *configuration, uint32_t zone) {
+    return palp_frame_compose(&configuration->root, &configuration->frame[zone]);
 }

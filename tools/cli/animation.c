@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/cli/film.h"
+#include "tools/cli/animation.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -8,26 +8,27 @@
 
 #define FULL 30000.0
 
-film film_open(uint32_t vertices, uint32_t triangles, const uint32_t *triangle, double frame_s,
-               double reach_m, double ball_m) {
-    return (film){.vertices = vertices,
-                  .triangles = triangles,
-                  .triangle = triangle,
-                  .frame_s = frame_s,
-                  .unit_m = reach_m / FULL,
-                  .ball_m = ball_m};
+animation animation_open(uint32_t vertices, uint32_t triangles, const uint32_t *triangle,
+                         double frame_s, double reach_m, double ball_m) {
+    return (animation){.vertices = vertices,
+                       .triangles = triangles,
+                       .triangle = triangle,
+                       .frame_s = frame_s,
+                       .unit_m = reach_m / FULL,
+                       .ball_m = ball_m};
 }
 
-static int16_t count_of(const film *m, float x) {
+static int16_t count_of(const animation *m, float x) {
     return (int16_t)lrint(fmax(-FULL, fmin(FULL, (double)x / m->unit_m)));
 }
 
-void film_add(film *m, const float *place_m, const uint8_t *level, const float ball_m[3]) {
+void animation_add(animation *m, const float *position_m, const uint8_t *level,
+                   const float ball_m[3]) {
     size_t wide = 3 * ((size_t)m->vertices + 1);
     m->frame = grow(m->frame, &m->room, (m->frames + 1) * wide, sizeof *m->frame);
     m->level = grow(m->level, &m->level_room, (m->frames + 1) * m->vertices, 1);
     int16_t *out = m->frame + m->frames * wide;
-    for (size_t i = 0; i < wide - 3; i++) out[i] = count_of(m, place_m[i]);
+    for (size_t i = 0; i < wide - 3; i++) out[i] = count_of(m, position_m[i]);
     for (size_t k = 0; k < 3; k++) out[wide - 3 + k] = count_of(m, ball_m[k]);
     memcpy(m->level + m->frames * m->vertices, level, m->vertices);
     m->frames++;
@@ -57,7 +58,7 @@ static void words(FILE *f, const int16_t *x, size_t n) {
 }
 
 static const char script[] =
-    "const cv=document.getElementById('film'),g=cv.getContext('2d'),"
+    "const cv=document.getElementById('animation'),g=cv.getContext('2d'),"
     "bytes=s=>Uint8Array.from(atob(s),c=>c.charCodeAt(0)),X=new Int16Array(bytes(F).buffer),"
     "T=new "
     "Uint16Array(bytes(R).buffer),L=bytes(V),n=L.length/N|0,bar=document.getElementById('at');\n"
@@ -87,12 +88,13 @@ static const char script[] =
     "cv.onmousemove=e=>{if(e.buttons){yaw+=e.movementX*.01;pitch+=e.movementY*.01;draw();}};"
     "draw();requestAnimationFrame(step);";
 
-void film_write(FILE *f, const film *m) {
+void animation_write(FILE *f, const animation *m) {
     if (m->frames == 0 || m->vertices > 65535) return;
-    fputs("<canvas id='film' width='900' height='520'></canvas><br><input id='at' type='range' "
-          "min='0' style='width:56rem'>\n<p>Drag to turn, double click to pause. Blue, green, "
-          "yellow: coarse to fine.</p>\n<script>\nconst F='",
-          f);
+    fputs(
+        "<canvas id='animation' width='900' height='520'></canvas><br><input id='at' type='range' "
+        "min='0' style='width:56rem'>\n<p>Drag to turn, double click to pause. Blue, green, "
+        "yellow: coarse to fine.</p>\n<script>\nconst F='",
+        f);
     words(f, m->frame, m->frames * 3 * ((size_t)m->vertices + 1));
     fputs("',R='", f);
     int16_t *t = allocate(3 * (size_t)m->triangles, sizeof *t);
@@ -105,7 +107,7 @@ void film_write(FILE *f, const film *m) {
             script);
 }
 
-void film_free(film *m) {
+void animation_free(animation *m) {
     free(m->frame);
     free(m->level);
     m->frame = NULL;

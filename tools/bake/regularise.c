@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/bake/soften.h"
+#include "tools/bake/regularise.h"
 #include "core/green/columns.h"
 #include "tools/solver/dense.h"
 #include "port/host/parallel.h"
@@ -84,7 +84,7 @@ static double least_mu(const double *n, const double *amplitude, size_t m) {
     return sound ? 0 : high;
 }
 
-soften_report soften(const palp_blob *blob, float *softening) {
+regularisation_report soften(const palp_blob *blob, float *regularisation) {
     const palp_domain *d = &blob->domain[PALP_FREE];
     normal_columns c = {.blob = blob, .m = blob->level[blob->meta->constraint_level].nodes};
     c.normal = allocate_aligned(c.m * c.m, sizeof *c.normal);
@@ -103,10 +103,10 @@ soften_report soften(const palp_blob *blob, float *softening) {
                 amplitude[i] = fabs(c.normal[i * c.m + j]);
         }
     }
-    soften_report r = {.mu = least_mu(c.normal, amplitude, c.m)};
-    memset(softening, 0, blob->meta->nodes * sizeof *softening);
+    regularisation_report r = {.mu = least_mu(c.normal, amplitude, c.m)};
+    memset(regularisation, 0, blob->meta->nodes * sizeof *regularisation);
     for (size_t i = 0; i < c.m; i++) {
-        softening[d->node[i]] = (float)(r.mu * amplitude[i]);
+        regularisation[d->node[i]] = (float)(r.mu * amplitude[i]);
         r.largest = fmax(r.largest, r.mu * amplitude[i] / c.normal[i * c.m + i]);
     }
     progress_end();

@@ -4,8 +4,8 @@
  * and the numbers of what was dear are changed a little, again and again. Stands on core alone, so
  * that the same hunt runs on bare targets, where instructions are counted.
  */
-#ifndef PALP_TOOLS_HUNT_H
-#define PALP_TOOLS_HUNT_H
+#ifndef PALP_TOOLS_TOOL_PATH_H
+#define PALP_TOOLS_TOOL_PATH_H
 
 #include "core/palp.h"
 
@@ -28,10 +28,10 @@ typedef struct {
     uint32_t dwell;
     float radius, stiffness, sunk, swing, tremble, far;
     uint64_t seed;
-} hunt_path;
+} tool_path;
 
-hunt_path hunt_random(dice *d);
-hunt_path hunt_mutated(hunt_path path, dice *d);
+tool_path path_random(dice *d);
+tool_path path_mutated(tool_path path, dice *d);
 
 /* What was done in a tick. */
 typedef struct {
@@ -39,10 +39,10 @@ typedef struct {
     palp_lattice_counts filled;
     uint32_t points, active, iterations;
     uint64_t cost; /* by the clock of the hunt */
-} hunt_tick;
+} path_tick;
 
 /* The bound of that: the sum of its steps. */
-float hunt_bound(const palp_contact_cost *cost, const hunt_tick *tick);
+float path_bound(const palp_contact_cost *cost, const path_tick *tick);
 
 typedef struct {
     const palp_blob *blob;
@@ -51,14 +51,14 @@ typedef struct {
     palp_port port; /* its clock prices ticks; it gives no tick too little time */
     void *memory;   /* palp_answer_memsize of one tool */
     size_t bytes;
-    void (*told)(void *context, const hunt_tick *tick); /* of every tick */
+    void (*told)(void *context, const path_tick *tick); /* of every tick */
     void *context;
     void (*chill)(void); /* before every tick; may be NULL */
     palp_answer answer;
     palp_tool tool;
-} hunter;
+} search;
 
 /* Ticks along one path. False if the answer cannot be opened. */
-bool hunt_run(hunter *h, const hunt_path *path, uint32_t ticks);
+bool path_run(search *h, const tool_path *path, uint32_t ticks);
 
 #endif
