@@ -2,36 +2,71 @@
 /*
  * Palp: feel deformable objects in bounded time.
  *
- * A *blob* holds the Green's functions of one elastic body, precomputed and wavelet-compressed by
- * `palp bake`. Everything here reads it in place, in memory that the caller owns, without
- * allocation, recursion, I/O, locks or libm, in single precision and in one fixed order of
- * operations, so that the same blob and the same frames give the same bits on every platform.
+ * A *blob* holds the Green's functions of one elastic body (or of the zones of a multizone model,
+ * or the meshes of a dynamic one), precomputed by `palp bake`. This library reads it in place, in
+ * memory that the caller owns, in single precision and in one fixed order of operations: the same
+ * blob and the same input give the same bits on every platform.
  *
- *     palp_blob blob;
- *     palp_blob_open(&blob, data, bytes);                          once: everything is checked here
- *     palp_servo_open(&servo, &blob, &config, memory, size, NULL); once: refuses what is too slow
- *     n = palp_servo_tick(servo, &input, out, &report);            every millisecond
+ * Order of calls
  *
- * Layers, each standing on those above it:
- *   base/   status codes, vectors, small dense factorisations, CRC, arena
- *   budget/ kinds of work, unit costs per target
- *   blob/   format, validation, typed views
- *   green/  wavelets, columns, constraint hierarchy, general capacitance matrix algorithm, deformed
- *           field, display surface
- *   zone/   multizone models: configurations, seams, the posed model as contact sees it
- *   dyna/   dynamic bodies: tetrahedra at several resolutions, adaptive in space and time (stands
- *           on blob alone)
- *   surface/ the surface of a body or a zone: its points, and how it gives way between them
- *   contact/ tools, contact points that travel with them, contact with its exact gradient, zones
- *           before zones, friction; imposed motion on dynamic bodies
- *   haptic/ virtual coupling that foresees
- *   device/ CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
- *   servo/  cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
- *           bounded tick of a dynamic body
+ *     one body on a haptic device       palp_blob_open, palp_servo_memsize, palp_servo_open;
+ *                                       then palp_servo_tick once a period
+ *     tools without a device            palp_blob_open, palp_answer_memsize, palp_answer_init;
+ *                                       then palp_answer_tick
+ *     a multizone model                 palp_zones_open, palp_assembly_init,
+ *                                       palp_answer_memsize_zones, palp_answer_init; then
+ *                                       palp_answer_pose, palp_answer_tick, palp_answer_spare
+ *     a dynamic body                    palp_tets_open, palp_dynamic_memsize, palp_dynamic_init;
+ *                                       then palp_dynamic_tick
+ *     any boundary value problem        palp_blob_open, palp_cma_memsize, palp_cma_init,
+ *                                       palp_cma_prescribe for each condition, palp_cma_solve
+ *     the deformed surface, to look at  palp_blob_open, palp_field_memsize, palp_field_init; then
+ *                                       palp_field_update (with palp_servo_loads),
+ *                                       palp_field_reconstruct
  *
- * Functions return palp_status where they can fail; a failed call leaves state untouched. Units are
- * SI and part of each name that has one. Costs are given in the counts of the blob and of the
- * limits.
+ * Rules that hold for every function, unless it says otherwise
+ *
+ *     memory    Nothing is allocated. An init lays its object out in one block: at least
+ *               memsize bytes, beginning at a multiple of PALP_ALIGN. NULL or a shorter block is
+ *               MEMORY, a misaligned one ALIGNMENT. The block belongs to the object until the
+ *               caller no longer uses it; there is nothing to close.
+ *     lifetime  What is given to an init by pointer (blob bytes, tools, zones, targets, the port's
+ *               context) is kept by reference and has to stay where it is, unchanged. Objects are
+ *               not to be moved or copied after their init. Pointers returned point into the
+ *               object and hold until its next call.
+ *     failure   A call that fails has changed nothing, except that an object whose open or init
+ *               failed is not to be used before an init succeeds. Ticks and other calls that return
+ *               no palp_status cannot fail: they clamp, count and report.
+ *     NULL      Pointers must not be NULL where a comment does not allow it.
+ *     aliasing  Output must not overlap input or the block of any object.
+ *     threads   An object is used by one thread at a time. There are no globals that change, so
+ *               different objects may be used by different threads, on one and the same blob.
+ *     time      No function waits, locks, recurses, does input or output, or calls libc but for
+ *               memcpy, memmove, memset and memcmp. Every loop is bounded by counts of the blob
+ *               and of the limits given at init; costs are stated in these. A clock is read only
+ *               through palp_port.
+ *     stack     At most PALP_SERVO_STACK bytes, any call.
+ *     numbers   SI units, in each name that has one (_m _N _s _rad _N_per_m). Numbers from outside
+ *               may be anything, NaN too, where a function says which error it returns or that it
+ *               clamps; elsewhere they must be finite.
+ *
+ * Folders, each standing on those above it (core/README.md)
+ *
+ *     base/     status codes, vectors, small dense factorisations, CRC, arena
+ *     budget/   kinds of work, unit costs per target
+ *     blob/     format, validation, typed views
+ *     green/    wavelets, columns, constraint hierarchy, general capacitance matrix algorithm,
+ *               deformed field, display surface
+ *     zone/     multizone models: configurations, seams, the posed model as contact sees it
+ *     dyna/     dynamic bodies: tetrahedra at several resolutions, adaptive in space and time
+ *               (stands on blob alone)
+ *     surface/  the surface of a body or a zone: its points, and its compliance between them
+ *     contact/  tools, contact points that travel with them, contact with its exact gradient,
+ *               contact between zones, friction; imposed motion on dynamic bodies
+ *     haptic/   virtual coupling
+ *     device/   CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
+ *     servo/    cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
+ *               bounded tick of a dynamic body
  */
 #ifndef PALP_H
 #define PALP_H

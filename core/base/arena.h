@@ -6,6 +6,7 @@
 #ifndef PALP_BASE_ARENA_H
 #define PALP_BASE_ARENA_H
 
+#include "core/base/status.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -35,6 +36,15 @@ static inline void *palp_take_rows(palp_arena *arena, size_t rows, size_t column
         return NULL;
     }
     return palp_take(arena, rows, columns * size);
+}
+
+/*
+ * Whether a block is as its init needs it: MEMORY if it is NULL or shorter than `need` bytes,
+ * ALIGNMENT if it does not begin at a multiple of PALP_ALIGN. Constant time.
+ */
+static inline palp_status palp_check_block(const void *memory, size_t bytes, size_t need) {
+    if (memory == NULL || bytes < need) return PALP_ERR_MEMORY;
+    return ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u ? PALP_ERR_ALIGNMENT : PALP_OK;
 }
 
 #endif

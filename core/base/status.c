@@ -6,7 +6,7 @@ const char *palp_status_text(palp_status status) {
     case PALP_OK:
         return "ok";
     case PALP_ERR_MEMORY:
-        return "memory block too small";
+        return "no memory block, or one that is too small";
     case PALP_ERR_ALIGNMENT:
         return "blob or memory block is not 64-byte aligned";
     case PALP_ERR_TRUNCATED:

@@ -11,9 +11,9 @@
 
 typedef enum {
     PALP_OK = 0,
-    PALP_ERR_MEMORY,     /* the block handed over is smaller than memsize() said */
+    PALP_ERR_MEMORY,     /* the block handed over is NULL or smaller than memsize() said */
     PALP_ERR_ALIGNMENT,  /* the blob or the block is not aligned to PALP_ALIGN */
-    PALP_ERR_TRUNCATED,  /* the blob ends before its header or table says */
+    PALP_ERR_TRUNCATED,  /* the blob is NULL or ends before its header or table says */
     PALP_ERR_MAGIC,      /* not a Palp blob */
     PALP_ERR_VERSION,    /* a format version or byte order that this build does not read */
     PALP_ERR_CRC,        /* stored and computed CRC-32C differ */

@@ -166,11 +166,12 @@ const uint8_t *palp_reader_bytes(palp_reader *reader, uint32_t type, size_t *byt
 
 palp_reader palp_reader_glance(const void *data, size_t bytes) {
     palp_reader r = {.data = data, .bytes = bytes, .status = PALP_OK};
-    if (data == NULL || ((uintptr_t)data & (PALP_BLOB_ALIGN - 1u)) != 0u) {
+    if (((uintptr_t)data & (PALP_BLOB_ALIGN - 1u)) != 0u)
         r.status = PALP_ERR_ALIGNMENT;
-        return r;
-    }
-    check_header(&r);
+    else if (data == NULL)
+        r.status = PALP_ERR_TRUNCATED;
+    else
+        check_header(&r);
     return r;
 }
 

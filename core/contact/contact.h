@@ -202,7 +202,18 @@ typedef struct {
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);
 palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes);
 
-/* `finest`: below PALP_CONTACT_LEVELS; 0 else. */
+/*
+ * Bytes for contact with `tools` tools on levels up to `finest`: of this blob; and of any blob that
+ * is not a multizone model, as a constant for static memory. 0 for a `finest` that is no level or
+ * too many tools.
+ */
+#define PALP_CONTACT_SIDES(finest) ((finest) < 3u ? 24u : (finest) == 3u ? 64u : 128u)
+#define PALP_CONTACT_BYTES(tools, finest)                                                          \
+    (sizeof(palp_surface) +                                                                        \
+     (tools) * (sizeof(palp_contact_patch) + 2u * sizeof(palp_lattice_table) + PALP_ALIGN) +       \
+     PALP_CONTACT_SIDES(finest) * (2u * sizeof(palp_contact_point) + 4u * PALP_MAX_MODES + 240u +  \
+                                   8u * PALP_CONTACT_SIDES(finest)) +                              \
+     7168u)
 size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
 
 /* Errors: ARGUMENT (no regular part, unsound tools, none or too many), LIMITS (finest), ALIGNMENT,

@@ -52,9 +52,9 @@ palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *a
         p.size_m[t] = palp_tool_size(&tools[t]);
         p.from_m[t] = p.to_m[t] = at_m[t];
     }
-    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_impose_memsize(dyna->tets, max_points) > bytes)
-        return PALP_ERR_MEMORY;
+    const palp_status status =
+        palp_check_block(memory, bytes, palp_impose_memsize(dyna->tets, max_points));
+    if (status != PALP_OK) return status;
     lay_out(&p, dyna->tets, &a);
     for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) p.pressed[i] = 0;
     *impose = p;

@@ -136,8 +136,7 @@ static palp_status check(const palp_tool *tools, uint32_t tool_count, const void
     for (uint32_t t = 0; t < tool_count; t++) {
         if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
     }
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    return bytes < need ? PALP_ERR_MEMORY : PALP_OK;
+    return palp_check_block(memory, bytes, need);
 }
 
 palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,

@@ -6,32 +6,39 @@
 #include "core/device/kinematics.h"
 
 /*
- * Torques that the mechanism itself asks for, added to those of the touch: the weight of the moving
- * parts, as it feels at the tip, and a share of each joint's friction in the direction of motion.
- * An integrator's own model comes in through the feed-forward of a tick.
+ * Torques that the mechanism itself asks for, added to those of the contact: the weight of the
+ * moving parts, as it feels at the tip, and a share of each joint's friction in the direction of
+ * motion. An integrator's own model comes in through the feed-forward of a tick.
  */
 typedef struct {
-    palp_vec3 gravity_compensation_N; /* force at the tip that holds it up */
-    float coulomb_Nm[PALP_AXES],
-        viscous_Nms[PALP_AXES]; /* at the joints; less than the true ones */
+    palp_vec3 gravity_compensation_N; /* force at the tip that holds it up; finite */
+    float coulomb_Nm[PALP_AXES];  /* at the joints, at least 0; less than the true ones, or the */
+    float viscous_Nms[PALP_AXES]; /* mechanism runs away by itself */
 } palp_compensation;
 
+/* Arrays by axis; those beyond palp_axes(&kinematics) are not read. */
 typedef struct {
     palp_kinematics kinematics;
     palp_drive_config drives;
-    uint8_t node_id[PALP_AXES];      /* drive of each joint */
-    float gear[PALP_AXES];           /* motor revolutions per joint revolution, sign = direction */
+    uint8_t node_id[PALP_AXES]; /* drive of each joint, all different: 0 to 63; CiA 402: 1 to 126;
+                                   moteus: 1 to 63; MIT: 0 to 15, and not master_id */
+    float gear[PALP_AXES]; /* motor revolutions per joint revolution, not 0, sign = direction */
     float joint_zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
     bool homes; /* drives read 0 where they were switched on: joint_zero_rad is found by homing */
-    float joint_home_rad[PALP_AXES]; /* angles at which the mechanism is held meanwhile */
-    float joint_min_rad[PALP_AXES], joint_max_rad[PALP_AXES];
-    float force_max_N, slew_max_N_per_s, speed_max_m_s;
-    float workspace_radius_m, tool_radius_m;
-    float stiffness_max_N_per_m, damping_max_Ns_per_m; /* most that the device renders well */
-    float mass_kg;          /* of the mechanism as it feels at the tip; 0: not known */
-    float damping_Ns_per_m; /* of the mechanism itself, at the tip */
+    float joint_home_rad[PALP_AXES]; /* angles at which the mechanism is held meanwhile; within the
+                                        limits if it homes */
+    float joint_min_rad[PALP_AXES];  /* below joint_max_rad; both within PALP_JOINT_FARTHEST_RAD */
+    float joint_max_rad[PALP_AXES];
+    float force_max_N, slew_max_N_per_s, speed_max_m_s; /* at the tip; above 0 */
+    float workspace_radius_m;    /* about the home pose, above 0; the force fades from 1.25 of it */
+    float tool_radius_m;         /* of what the hand holds; only hosts read it */
+    float stiffness_max_N_per_m; /* most that the device renders well, above 0 */
+    float damping_max_Ns_per_m;  /* the same; at least 0 */
+    float mass_kg;               /* of the mechanism as it feels at the tip; 0: not known */
+    float damping_Ns_per_m;      /* of the mechanism itself, at the tip; at least 0 */
     palp_compensation compensation;
-    float bit_rate_bps, data_rate_bps;
+    float bit_rate_bps; /* of the bus; 0: not known, the time of frames is then taken for nothing */
+    float data_rate_bps; /* second rate of CAN FD */
 } palp_device;
 
 /* Farthest that a joint may be asked or read to be, in any device: angles beyond it are not

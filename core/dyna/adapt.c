@@ -49,8 +49,8 @@ palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt
                  palp_is_finite(config->refine_m) && config->max_changes > 0u &&
                  config->max_changes <= MOST_CHANGES;
     if (!sound) return PALP_ERR_ARGUMENT;
-    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_adapt_memsize(dyna->tets) > bytes) return PALP_ERR_MEMORY;
+    const palp_status status = palp_check_block(memory, bytes, palp_adapt_memsize(dyna->tets));
+    if (status != PALP_OK) return status;
     lay_out(&s, dyna->tets, &a);
     for (uint32_t f = 0; f < dyna->tets->meta->families; f++) {
         for (uint32_t which = 0; which < 2u; which++) {

@@ -142,9 +142,9 @@ palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dy
                  palp_vec3_is_finite(config->gravity_m_s2);
     if (!sound) return PALP_ERR_ARGUMENT;
     palp_dyna d = {.tets = tets, .config = *config};
-    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
     palp_arena a = {memory, 0};
-    if (memory == NULL || palp_dyna_memsize(tets) > bytes) return PALP_ERR_MEMORY;
+    const palp_status status = palp_check_block(memory, bytes, palp_dyna_memsize(tets));
+    if (status != PALP_OK) return status;
     lay_out(&d, &a);
     for (uint32_t l = 0; l < tets->meta->levels; l++) weigh_level(&d, l);
     price_families(&d);

@@ -67,8 +67,8 @@ static void put(float *at, palp_vec3 v) {
 
 palp_status palp_skin_init(palp_skin *skin, const palp_dyna *dyna, void *memory, size_t bytes) {
     palp_arena a = {memory, 0};
-    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_skin_memsize(dyna->tets) > bytes) return PALP_ERR_MEMORY;
+    const palp_status status = palp_check_block(memory, bytes, palp_skin_memsize(dyna->tets));
+    if (status != PALP_OK) return status;
     *skin = (palp_skin){.dyna = dyna, .lists = dyna->lists};
     lay_out(skin, dyna->tets, &a);
     for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) {

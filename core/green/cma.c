@@ -41,8 +41,9 @@ palp_status palp_cma_init(palp_cma *cma, const palp_blob *blob, uint32_t max_unk
                           size_t bytes) {
     palp_arena arena = {.base = memory};
     if (max_unknowns > 3u * blob->meta->nodes) return PALP_ERR_LIMITS;
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_cma_memsize(blob, max_unknowns)) return PALP_ERR_MEMORY;
+    const palp_status status =
+        palp_check_block(memory, bytes, palp_cma_memsize(blob, max_unknowns));
+    if (status != PALP_OK) return status;
     lay_out(cma, blob, max_unknowns, &arena);
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
         uint32_t slots = blob->domain[d].slots;

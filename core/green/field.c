@@ -49,8 +49,8 @@ static void sum_from_scratch(palp_field *f) {
 
 palp_status palp_field_init(palp_field *field, const palp_blob *blob, void *memory, size_t bytes) {
     palp_arena arena = {.base = memory};
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_field_memsize(blob)) return PALP_ERR_MEMORY;
+    const palp_status status = palp_check_block(memory, bytes, palp_field_memsize(blob));
+    if (status != PALP_OK) return status;
     lay_out(field, blob, &arena);
     uint32_t n = count_of(field);
     for (uint32_t i = 0; i < 3u * n; i++) field->applied_N[i] = 0.0f;

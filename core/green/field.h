@@ -31,6 +31,10 @@ typedef struct {
     palp_vec3 gravity_m_s2;
 } palp_field;
 
+/* Bytes for a field: by the free nodes and by all basis functions of the constraint levels (palp
+ * info prints both), as a constant for static memory; and of this blob. */
+#define PALP_FIELD_BYTES(free_nodes, basis_functions)                                              \
+    (32u * (size_t)(free_nodes) + 17u * (size_t)(basis_functions) + 320u)
 size_t palp_field_memsize(const palp_blob *blob);
 
 /* Lays out in `memory` (64-byte aligned, owned by the caller). Errors: MEMORY, ALIGNMENT. */

@@ -65,7 +65,9 @@ typedef struct {
     bool shortened; /* did less than it would have with more time */
 } palp_answer_report;
 
-/* Of a body, and of a multizone model. */
+/* Bytes for the answer: of a body (of any body, for static memory: PALP_ANSWER_BYTES), and of a
+ * multizone model. 0 for a `finest` that is no level or too many tools. */
+#define PALP_ANSWER_BYTES(tools, finest) PALP_CONTACT_BYTES(tools, finest)
 size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
 size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
                                  uint32_t finest);
@@ -73,8 +75,7 @@ size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint
 /*
  * Errors: those of palp_contact_init; ARGUMENT also for an unsound cost table, a target without
  * prices for contact on the surface, no clock or dt_s <= 0; BUDGET when the coarsest level does not
- * fit the period: *bound_ns (may be NULL) then says how much time it needs. After an error *answer
- * is not to be used.
+ * fit the period: *bound_ns (may be NULL) then says how much time it needs.
  */
 palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *config, void *memory,
                              size_t bytes, float *bound_ns);

@@ -13,23 +13,26 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The port: the only function pointers in core. */
+/* The port: the only function pointer in core. It is called from within ticks, so it must neither
+ * wait nor call back. */
 typedef struct {
-    uint64_t (*now_ns)(void *context); /* monotonic */
-    void *context;
+    uint64_t (*now_ns)(void *context); /* never goes back; not NULL */
+    void *context;                     /* handed over as it is; may be NULL */
 } palp_port;
 
 /* A target, and how fast it is. A bound in ns is instructions * ns_per_instruction + bytes touched
  * * ns_per_byte, both upper bounds with caches cold. */
 typedef struct {
-    const palp_target *target; /* kept by reference */
-    float ns_per_instruction, ns_per_byte;
-    float margin; /* share of the period that belongs to the tick, 0..1 */
+    const palp_target *target; /* of budget/target.h; kept by reference */
+    float ns_per_instruction;  /* above 0 */
+    float ns_per_byte;         /* at least 0 */
+    float margin;              /* share of the period that belongs to the tick, above 0 to 1 */
 } palp_cost_table;
 
+/* Whether everything is within these ranges; false for NaN. */
 bool palp_cost_table_is_sound(const palp_cost_table *table);
 
-/* In ns. */
+/* What one of each kind of work costs by a sound table, in ns. */
 palp_prices palp_prices_of(const palp_cost_table *table);
 
 #endif

@@ -44,13 +44,13 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
                                    .most_class = config->most_class};
     if (!palp_cost_table_is_sound(&config->cost) || config->port.now_ns == NULL)
         return PALP_ERR_ARGUMENT;
-    if (((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (memory == NULL || palp_dynamic_memsize(config->tets, config->max_points) > bytes)
-        return PALP_ERR_MEMORY;
+    palp_status status =
+        palp_check_block(memory, bytes, palp_dynamic_memsize(config->tets, config->max_points));
+    if (status != PALP_OK) return status;
     lay_out(&a, config->tets, config->max_points, part, size);
     palp_dynamic *d = dynamic;
     *d = (palp_dynamic){.config = *config, .price = palp_prices_of(&config->cost)};
-    palp_status status = palp_dyna_init(&d->dyna, config->tets, &dyna, part[0], size[0]);
+    status = palp_dyna_init(&d->dyna, config->tets, &dyna, part[0], size[0]);
     if (status != PALP_OK) return status;
     status = palp_adapt_init(&d->adapt, &d->dyna, &config->adapt, part[1], size[1]);
     if (status != PALP_OK) return status;

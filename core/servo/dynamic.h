@@ -59,12 +59,17 @@ typedef struct {
     uint64_t work_ns; /* bounds of what was done so far */
 } palp_dynamic;
 
+/* Bytes for a dynamic body and its tools: by its counts (palp info prints them), as a constant for
+ * static memory; and of this body. */
+#define PALP_DYNAMIC_BYTES(nodes, tets, families, skin, max_points)                                \
+    (96u * (size_t)(nodes) + 5u * (size_t)(tets) + 15u * (size_t)(families) +                      \
+     2u * (size_t)(skin) + (size_t)(max_points) * sizeof(palp_imposed) + 4096u)
 size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points);
 
 /*
  * Tools begin at at_m. Errors: ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the coarsest mesh with
  * one step does not fit the period (or, uniform, the finest with one step); *bound_ns (may be NULL)
- * then says how much time it needs. After an error *dynamic is not to be used.
+ * then says how much time it needs.
  */
 palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);

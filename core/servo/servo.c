@@ -24,6 +24,8 @@ struct palp_servo {
     palp_vec3 certain_m_s;          /* of the tip */
 };
 
+PALP_STATIC_ASSERT(sizeof(palp_servo) <= PALP_SERVO_OBJECT, "PALP_SERVO_BYTES");
+
 static palp_servo *lay_out(const palp_blob *b, uint32_t finest, palp_arena *arena,
                            void **answer_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
@@ -77,8 +79,8 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     if (blob->regular.modes == 0u) return PALP_ERR_ABSENT;
     if (config->finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
     if (!config_is_sound(config)) return PALP_ERR_ARGUMENT;
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < palp_servo_memsize(blob, config->finest)) return PALP_ERR_MEMORY;
+    palp_status status = palp_check_block(memory, bytes, palp_servo_memsize(blob, config->finest));
+    if (status != PALP_OK) return status;
     palp_servo *s = lay_out(blob, config->finest, &arena, &answer_memory);
     const palp_device *device = &config->device;
     const palp_prices ns = palp_prices_of(&config->cost);
@@ -92,8 +94,8 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                                        .dt_s = s->dt_s,
                                        .before_ns = palp_servo_cost_before(&ns),
                                        .after_ns = palp_servo_cost_after(&ns)};
-    palp_status status = palp_answer_init(&s->answer, &answer, answer_memory,
-                                          palp_answer_memsize(blob, 1, config->finest), bound_ns);
+    status = palp_answer_init(&s->answer, &answer, answer_memory,
+                              palp_answer_memsize(blob, 1, config->finest), bound_ns);
     if (status != PALP_OK) return status;
     set_coupling(&s->answer.coupling.tool[0], &s->config);
     s->passive = palp_passivity_configure(palp_axes(&device->kinematics), device->damping_Ns_per_m,
@@ -211,7 +213,7 @@ static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report 
 }
 
 /* Where the joints are taken to be, and how fast. */
-static palp_pose look(palp_servo *s, palp_report *r) {
+static palp_pose read_pose(palp_servo *s, palp_report *r) {
     float believed_rad[PALP_AXES] = {0.0f};
     s->seen = true;
     for (uint32_t i = 0; i < s->axes.count; i++) {
@@ -241,7 +243,7 @@ static void observe(palp_servo *s) {
 }
 
 static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
-    const palp_pose pose = look(s, r);
+    const palp_pose pose = read_pose(s, r);
     if (palp_safety_request(s->safety.state) != PALP_REQUEST_TORQUE) return;
     if (!pose.reachable) {
         palp_safety_latch(&s->safety, PALP_FAULT_INPUT);

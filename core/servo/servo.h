@@ -15,32 +15,37 @@
 #include "core/servo/output.h"
 #include "core/servo/safety.h"
 
-/* Where the body is felt: x_model = origin + scale R x_device, R row-major and orthonormal. */
+/* Where the body is felt: x_model = origin + scale R x_device, R row-major. */
 typedef struct {
-    palp_vec3 origin_m;
-    float rotation[9];
-    float scale;
+    palp_vec3 origin_m; /* finite */
+    float rotation[9];  /* a rotation, to 1 % */
+    float scale; /* model over device, above 0; forces at the hand are scale times the model's */
 } palp_placement;
 
+/* Kept by value; what it points to stays with the caller. */
 typedef struct {
-    palp_device device; /* its drives.rate_hz is the rate of the ticks */
+    palp_device device; /* as palp_device_is_sound; its drives.rate_hz, 49 to 20,001, is the rate of
+                           the ticks */
     palp_placement placement;
-    uint32_t finest; /* level of contact, below PALP_CONTACT_LEVELS */
-    palp_cost_table cost;
-    palp_port port;
-    palp_tool tool; /* in the model */
-    bool resume;    /* leave DAMPING without a reset when all is well again */
+    uint32_t finest;      /* level of contact, 0 to PALP_CONTACT_LEVELS - 1 */
+    palp_cost_table cost; /* of the processor that ticks: palp calibrate measures it */
+    palp_port port;       /* its clock is read at most once for each step of a tick */
+    palp_tool tool;       /* as palp_tool_is_sound, in model lengths */
+    bool resume;          /* leave DAMPING without a reset when all is well again */
     /* For studies; 0 and false: as palp_device_coupling and the device say, and guarded. */
-    float coupling_N_per_m, coupling_Ns_per_m; /* used when the first is above 0 */
+    float coupling_N_per_m, coupling_Ns_per_m; /* at the device, used when the first is above 0 */
     bool unguarded;                            /* without the passivity controller */
 } palp_servo_config;
 
+/* What a tick reads. All of it is untrusted: bad frames and torques that are not finite are counted
+ * or rejected (PALP_FAULT_OUTPUT for the latter). */
 typedef struct {
-    const palp_can_frame *frames; /* received since the last tick, oldest first */
+    const palp_can_frame *frames; /* received since the last tick, oldest first; NULL if none */
     uint32_t count;   /* of the first ones beyond PALP_SERVO_FRAMES_IN nothing is read */
     uint32_t skipped; /* whole periods that the caller let pass without a tick before this one */
     uint32_t events;  /* PALP_EVENT_ bits */
-    float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own compensation */
+    float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own compensation; they
+                                        come within the motors' and the slew limit */
 } palp_tick_input;
 
 typedef struct {
@@ -80,13 +85,17 @@ typedef struct palp_servo palp_servo;
 /* Loads that palp_servo_loads makes at most. */
 #define PALP_SERVO_LOADS 192u
 
-/* Memory for a servo on this blob; 0 if it has no regular part or `finest` is no level. */
+/* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
+ * regular part or `finest` is no level. */
+#define PALP_SERVO_OBJECT 16384u
+#define PALP_SERVO_BYTES(finest) (PALP_SERVO_OBJECT + PALP_CONTACT_BYTES(1u, finest))
 size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 
 /*
- * Opens a servo in `memory` (64-byte aligned, owned by the caller). Errors: ABSENT
- * (the blob has no regular part: bake it again), LIMITS (finest), ARGUMENT, MEMORY, ALIGNMENT, and
- * BUDGET when the coarsest level does not fit the period; *bound_ns (may be NULL) then says how
+ * Opens a servo in `memory`, which is then the servo; it holds `blob` and cost.target by reference.
+ * It begins in PALP_STATE_INIT. Errors: ABSENT (the blob has no regular part: bake it again),
+ * LIMITS (finest), ARGUMENT (anything else in the config out of its range), MEMORY, ALIGNMENT, and
+ * BUDGET when the coarsest level does not fit the period: *bound_ns (may be NULL) then says how
  * much time it needs.
  */
 palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
@@ -94,8 +103,9 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
                             float *bound_ns);
 
 /*
- * One tick: writes at most PALP_SERVO_FRAMES_OUT frames to `out`, returns how many. Cost at most
- * the bound that open checked, for up to 64 frames in.
+ * One tick, once a period; writes at most PALP_SERVO_FRAMES_OUT frames to `out`, to be sent at once
+ * and in this order, and returns how many. The first ticks probe and configure the drives
+ * (safety.h). Cost: at most report->bound_ns, for up to PALP_SERVO_FRAMES_IN frames in.
  */
 uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,
                          palp_report *report);
@@ -105,7 +115,9 @@ uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_c
 float palp_servo_cost_before(const palp_prices *price);
 float palp_servo_cost_after(const palp_prices *price);
 
+/* Totals since the servo was opened; the pointer holds as long as the servo. Constant time. */
 const palp_counters *palp_servo_counters(const palp_servo *servo);
+
 /* For the display path: the forces of the last tick on the body, in load[PALP_SERVO_LOADS]; returns
  * how many. */
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load);

@@ -90,8 +90,8 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     if (finest >= PALP_SEAM_LEVELS) return PALP_ERR_LIMITS;
     size_t need = palp_assembly_memsize(zones, finest), seams = palp_seams_memsize(zones, finest);
     if (need == 0u) return PALP_ERR_LIMITS;
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < need) return PALP_ERR_MEMORY;
+    palp_status status = palp_check_block(memory, bytes, need);
+    if (status != PALP_OK) return status;
     a->zones = zones;
     a->gravity_m_s2 = (palp_vec3){0.0f, 0.0f, 0.0f};
     a->level = a->extent = finest;
@@ -99,7 +99,7 @@ palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones,
     for (uint32_t s = 0; s < zones->meta->seams; s++)
         a->length_m = palp_max(a->length_m, zones->seam[s].length_m);
     void *part = palp_take(&arena, seams, 1);
-    palp_status status = palp_seams_init(&a->seams, zones, finest, part, seams);
+    status = palp_seams_init(&a->seams, zones, finest, part, seams);
     if (status != PALP_OK) return status;
     lay_out(a, &arena);
     a->settled = 0;

@@ -528,8 +528,8 @@ palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t
     uint64_t later[PALP_MAX_SEAMS];
     size_t need = palp_seams_memsize(zones, finest);
     if (need == 0u) return PALP_ERR_LIMITS;
-    if (memory == NULL || ((uintptr_t)memory & (PALP_ALIGN - 1u)) != 0u) return PALP_ERR_ALIGNMENT;
-    if (bytes < need) return PALP_ERR_MEMORY;
+    const palp_status status = palp_check_block(memory, bytes, need);
+    if (status != PALP_OK) return status;
     *q = (palp_seams){.zones = zones, .finest = finest};
     (void)find_later(zones, later);
     lay_out(q, later, &arena);

@@ -57,7 +57,7 @@ static void test_lengths(uint8_t *copy) {
     palp_blob b;
     CHECK(palp_blob_open(&b, copy + 4, sample.size) == PALP_ERR_ALIGNMENT,
           "a misaligned blob is refused");
-    CHECK(palp_blob_open(&b, NULL, 0) == PALP_ERR_ALIGNMENT, "no blob is refused");
+    CHECK(palp_blob_open(&b, NULL, 0) == PALP_ERR_TRUNCATED, "no blob is refused");
 }
 
 /* Writes `value` at byte `at` of a section of a resealed copy and expects `wanted`. */

@@ -11,7 +11,7 @@
 #define RATE_HZ 1000.0f
 #define TICKS 500
 
-static _Alignas(PALP_ALIGN) uint8_t memory[2u << 20];
+static _Alignas(PALP_ALIGN) uint8_t memory[PALP_ANSWER_BYTES(TOOLS, PALP_CONTACT_FINEST)];
 static palp_answer answer;
 
 static uint64_t work_clock(void *context) {
