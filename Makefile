@@ -114,13 +114,13 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a new configuration each tick: build/finger/report.html
 	@mkdir -p $(BUILD)/finger
 	$(BUILD)/palp bake blobs/finger.model -o $(BUILD)/finger/finger.palp
-	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv
+	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --ns-per-operation 0.25 --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv
 	@echo "Look at $(BUILD)/finger/report.html"
 
 demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscillating: build/dyna/report.html
 	@mkdir -p $(BUILD)/dyna
 	$(BUILD)/palp bake blobs/liver.model -o $(BUILD)/dyna/liver.palp
-	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
+	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --ns-per-operation 0.15 --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
 	@echo "Look at $(BUILD)/dyna/report.html; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
 
 # ---- tests ----
@@ -193,7 +193,7 @@ check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other t
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours
 	@BUILD=$(BUILD) TICKS=10000 PALP_SCALE=10 PALP_TICKS=10000000 PALP_SECONDS=100 PALP_POKES=100000 FUZZ_SECONDS=600 FULL=1 HOURS=24 DEVICES='arm3 delta3 pantograph desk3 arm3-mit' \
-	    sh tests/run.sh $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits dynamic fuzz reproduce day zwidth)
+	    sh tests/run.sh $(BUILD)/tests/faults $(BUILD)/tests/energy $(patsubst %,tests/check/%.sh,vm sanitize wcet same-bits dynamic fuzz reproduce day zwidth)
 
 install: all ## headers, library, palp.pc and programs to DESTDIR and PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/share/palp/devices

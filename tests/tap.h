@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 static int tap_count, tap_failed;
 
@@ -34,6 +35,9 @@ static inline int tap_done(void) {
     printf("1..%d\n", tap_count);
     return tap_failed > 0 ? 1 : 0;
 }
+
+/* Whether to run what is only long, too: make soak sets FULL. */
+static inline bool tap_full(void) { return getenv("FULL") != NULL; }
 
 /* Deterministic numbers in [-1, 1); `seed` is printed by tests that fail. */
 static inline double tap_random(uint64_t *seed) {

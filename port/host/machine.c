@@ -124,6 +124,21 @@ void machine_find(machine *m, const char *name_or_file) {
     read_table(m, name_or_file);
 }
 
+void machine_choose(machine *m, const char *name_or_file, double ns_per_operation) {
+    const palp_target *own = machine_of_this_build();
+    if (name_or_file != NULL && ns_per_operation > 0)
+        die(EXIT_USAGE, "--target and --ns-per-operation: one machine, please");
+    if (name_or_file == NULL && !(ns_per_operation > 0) && own == NULL)
+        die(EXIT_USAGE, "no cost table is shipped for this machine: give one with --target");
+    if (name_or_file != NULL || !(ns_per_operation > 0)) {
+        machine_find(m, name_or_file != NULL ? name_or_file : own->name);
+        return;
+    }
+    machine_find(m, palp_target_counted.name);
+    m->ns_per_instruction = (float)ns_per_operation;
+    snprintf(m->basis, sizeof m->basis, "an assumed machine, by operations that the code counts");
+}
+
 palp_cost_table machine_table(const machine *m, double margin) {
     return (palp_cost_table){&m->target, m->ns_per_instruction, m->ns_per_byte, (float)margin};
 }

@@ -18,6 +18,14 @@ const palp_target *machine_of_this_build(void);
 /* A shipped target or a file; exits 2 if it is neither, 1 if the file is no cost table. The table's
  * own target is used: keep `m` where it is. */
 void machine_find(machine *m, const char *name_or_file);
+
+/*
+ * The machine that a command line asks for: by `name_or_file`; or, with ns_per_operation above 0,
+ * an assumed one that does in so many ns each operation that the code itself counts; or, with
+ * neither, the one that this program was built for. Exits 2 on both, or where there is no table.
+ */
+void machine_choose(machine *m, const char *name_or_file, double ns_per_operation);
+
 palp_cost_table machine_table(const machine *m, double margin);
 
 void machine_write(FILE *f, const machine *m);

@@ -8,12 +8,12 @@ play() { # play NAME OPTIONS...
     name=$1
     shift
     "$palp" play finger.palp --scene "$scene" -o "$name.csv" --report "$name.html" "$@" > "$name.txt" && grep -q ', 0 late' "$name.txt"
-    ok $? "$name: $(sed -n '2p;4p' "$name.txt" | tr '\n' ' ' | tr -s ' ')"
+    ok $? "$name: $(sed -n '3p;5p' "$name.txt" | tr '\n' ' ' | tr -s ' ')"
     sed 's/^/# /' "$name.txt"
 }
-play "as-it-comes"
-play "coarse-seams" --finest 2
-play "coarsest-seams" --finest 0
+play "as-it-comes" --ns-per-operation 0.25
+play "coarse-seams" --finest 2 --ns-per-operation 0.25
+play "coarsest-seams" --finest 0 --ns-per-operation 0.25
 play "tight" --finest 3 --ns-per-operation 0.33
 awk -F, 'NR > 1 {d = 0; for (k = 9; k <= 11; k++) {f[k] = $k - l[k]; d += f[k]^2; l[k] = $k} n = sqrt($9^2 + $10^2 + $11^2); if (n > m) m = n; if (NR > 2 && d > s) s = d}
     END {printf "# largest step of the force %.3g N, largest force %.3g N\n", sqrt(s), m; exit !(m > 0.1 && sqrt(s) < 0.05 * m)}' tight.csv > step.txt

@@ -21,30 +21,30 @@ ok $? "palp info describes it"
 "$palp" fill bar.obj --nodes 100 --nodes 400 -o fill.mesh > fill.txt && [ -s fill-0.mesh ] && [ -s fill-1.mesh ] && [ "$(wc -l < fill.txt)" -eq 3 ]
 ok $? "palp fill: $(tail -1 fill.txt | tr -s ' ')"
 lines poke.scene "seconds 0.6|rate 1000|probe 0.006|touch 0 0.05 0.01 0.04|touch 0.1 0.05 0.01 0.022|touch 0.3 0.05 0.01 0.022|touch 0.35 0.05 0.01 0.05"
-"$palp" play bar.palp --scene poke.scene -o out1.csv --report poke.html > play.txt && grep -q ', 0 late' play.txt
+"$palp" play bar.palp --scene poke.scene --ns-per-operation 0.15 -o out1.csv --report poke.html > play.txt && grep -q ', 0 late' play.txt
 ok $? "poked and let go: $(grep '^contact' play.txt | tr -s ' ')"
 awk -F, 'NR == 1 {for (i = 1; i <= NF; i++) c[$i] = i} NR > 1 && $c["probe_fz"] > 0.01 {push = 1} NR > 1 && $c["splits"] > 0 {s = 1} NR > 1 && $c["merges"] > 0 {m = 1} END {exit !(push && s && m)}' out1.csv
 ok $? "it pushes back, splits and merges"
-"$palp" play bar.palp --scene poke.scene -o out2.csv > /dev/null && cut -d, -f1-24 out1.csv > a.txt && cut -d, -f1-24 out2.csv > b.txt && cmp -s a.txt b.txt
+"$palp" play bar.palp --scene poke.scene --ns-per-operation 0.15 -o out2.csv > /dev/null && cut -d, -f1-24 out1.csv > a.txt && cut -d, -f1-24 out2.csv > b.txt && cmp -s a.txt b.txt
 ok $? "twice the same to the last digit"
 grep -q "<canvas id='animation'" poke.html && ! grep -q 'http://[^w]' poke.html
 ok $? "a report with the body in motion, self-contained"
 "$palp" play bar.palp --scene poke.scene --uniform --ns-per-operation 0.001 > uniform.txt && grep -q '1.0 times as many' uniform.txt
 ok $? "the finest mesh everywhere, for comparison"
 for material in jelly fat liver muscle gel rubber hard-rubber; do
-    "$palp" play bar.palp --scene poke.scene --material $material > m.txt && grep -q ', 0 late' m.txt
+    "$palp" play bar.palp --scene poke.scene --ns-per-operation 0.15 --material $material > m.txt && grep -q ', 0 late' m.txt
     ok $? "$material: $(grep '^element' m.txt | tr -s ' ' | cut -c1-60)"
 done
 rm -f out1.csv out2.csv
 play() { "$palp" play "$@" -o out.csv --report out.html; }
-refuses 2 "no 'cheese'; there are: jelly" "unknown material" play bar.palp --scene poke.scene --material cheese
-refuses 2 "need 0 to 100" "negative damping" play bar.palp --scene poke.scene --damping -1
-refuses 2 "no-pairs is for multizone" "an option of multizone models" play bar.palp --scene poke.scene --no-pairs
-refuses 1 "coarsest mesh needs" "a budget that cannot be met" play bar.palp --scene poke.scene --budget-us 20
+refuses 2 "no 'cheese'; there are: jelly" "unknown material" play bar.palp --scene poke.scene --ns-per-operation 0.15 --material cheese
+refuses 2 "need 0 to 100" "negative damping" play bar.palp --scene poke.scene --ns-per-operation 0.15 --damping -1
+refuses 2 "no-pairs is for multizone" "an option of multizone models" play bar.palp --scene poke.scene --ns-per-operation 0.15 --no-pairs
+refuses 1 "coarsest mesh needs" "a budget that cannot be met" play bar.palp --scene poke.scene --ns-per-operation 0.15 --budget-us 20
 lines pose.scene "seconds 1|pose 0 elbow 1"
-refuses 2 "pose.scene:2: pose: a dynamic body has no joints" "a joint" play bar.palp --scene pose.scene
+refuses 2 "pose.scene:2: pose: a dynamic body has no joints" "a joint" play bar.palp --scene pose.scene --ns-per-operation 0.15
 lines late.scene "seconds 1e-9"
-refuses 2 "not one tick" "no time" play bar.palp --scene late.scene
+refuses 2 "not one tick" "no time" play bar.palp --scene late.scene --ns-per-operation 0.15
 bake() { "$palp" bake "$@" -o out.palp --save-mesh out.mesh; }
 bad() { # bad CODE PATTERN NAME LINES
     lines bad.model "$4"
@@ -74,5 +74,5 @@ ok $? "fill of an open surface: $(cat err.txt)"
 refuses 1 "a dynamic body, which has no Green's functions" "solve" "$palp" solve bar.palp --gravity 0 0 -1 -o out.csv
 refuses 1 "a dynamic body, which has no Green's functions" "the controller" "$palpd" bar.palp --bus loop --device arm3 --seconds 1
 head -c 60000 bar.palp > short.palp
-refuses 1 "short.palp" "a truncated blob" "$palp" play short.palp --scene poke.scene -o out.csv
+refuses 1 "short.palp" "a truncated blob" "$palp" play short.palp --scene poke.scene --ns-per-operation 0.15 -o out.csv
 done_testing

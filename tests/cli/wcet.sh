@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# palp wcet and calibrate: tables, verdicts, hunted paths, and what they refuse.
+# palp wcet and calibrate: tables, verdicts, searched paths, and what they refuse.
 . "$(dirname "$0")/lib.sh"
 small_body r.palp
 small_chain z.palp
@@ -24,7 +24,7 @@ has "a million do not" fast.json '"verdict":"refused"' '"finest_level_in_time":-
 $palp wcet r.palp --rate 1000000 > refused.txt
 has "and the text says by how much" refused.txt 'refused: the least answer needs'
 $palp wcet r.palp --hunt 1 --keep path > /dev/null 2> hunt.txt
-has "a hunt says how near it came" hunt.txt 'of at most' 'longest tick'
+has "the search says how near it came" hunt.txt 'of at most' 'longest tick'
 $palp wcet r.palp --replay path > one.csv && $palp wcet r.palp --replay path > two.csv && cmp -s one.csv two.csv
 ok $? "a kept path repeats: $(wc -l < one.csv) lines"
 $palp calibrate -o board.cost > /dev/null 2>&1 && $palp wcet r.palp --target board.cost > own.txt
@@ -32,7 +32,7 @@ ok $? "calibrated: $(grep -E '^ns-per' board.cost | tr '\n' ' ')"
 refuses 2 "neither a file nor a target" "unknown target" $palp wcet r.palp --target pdp-11
 refuses 2 "which blob" "no blob" $palp wcet
 refuses 2 "goes with --hunt" "--keep alone" $palp wcet r.palp --keep out.path
-refuses 2 "goes with a ball" "hunting with a pad" $palp wcet r.palp --hunt 1 --tool pad
+refuses 2 "goes with a ball" "searching with a pad" $palp wcet r.palp --hunt 1 --tool pad
 refuses 2 "" "limits that cannot be" $palp wcet r.palp --limits 8 16 2 6
 refuses 2 "" "no rate" $palp wcet r.palp --rate 0
 grep -v '^ball ' board.cost > short.cost
@@ -44,5 +44,23 @@ refuses 1 "quotes" "a name that JSON cannot hold" $palp wcet r.palp --target quo
 sed 's/^seed .*/seed abc/' path > bad.path
 refuses 1 "whole number" "a path with a bad seed" $palp wcet r.palp --replay bad.path
 refuses 1 "bake it again" "a damaged blob" sh -c "head -c 5000 r.palp > cut.palp; $palp wcet cut.palp"
-refuses 2 "single bodies" "hunting on zones" $palp wcet z.palp --hunt 1
+refuses 2 "single bodies" "searching on zones" $palp wcet z.palp --hunt 1
+# One table of prices, one verdict: palp play refuses what palp wcet refuses, at the same figure.
+printf 'seconds 0.1\nrate 1000\nprobe 0.006\ntouch 0 0.05 0.01 0.04\n' > probe.scene
+verdict() { # verdict NAME BLOB FINEST MACHINE...: the least answer by both, in whole us; fits only if both say so
+    name=$1 blob=$2 finest=$3
+    shift 3
+    $palp wcet "$blob" "$@" > w.txt
+    $palp play "$blob" --scene probe.scene --finest "$finest" "$@" > p.txt 2> perr.txt
+    said=$?
+    asked=$(sed -n 's/^refused: the least answer needs \([0-9.e+]*\) us.*/\1/p' w.txt | awk '{printf "%.0f", $1}')
+    told=$(sed -n 's/.*\(may take\|mesh needs\) \([0-9]*\) us on.*/\2/p' perr.txt)
+    if grep -q '^fits' w.txt; then [ $said -eq 0 ]; else [ $said -eq 1 ] && awk -v a="$asked" -v b="$told" 'BEGIN {exit !(a > 0 && (a - b)^2 <= 1)}'; fi
+    ok $? "$name, $*: wcet $(grep -oE '^(fits|refused)' w.txt) ${asked:-} us, play exit $said ${told:-} us"
+}
+for machine in "--target cortex-m7" "--target x86-64" "--ns-per-operation 5" "--ns-per-operation 0.01"; do
+    verdict "a dynamic body" d.palp 7 $machine
+    verdict "a multizone model" z.palp 5 $machine
+done
+refuses 2 "one machine" "two machines" $palp play d.palp --scene probe.scene --target x86-64 --ns-per-operation 1
 done_testing

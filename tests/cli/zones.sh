@@ -143,20 +143,20 @@ refuses 2 "its value follows from the others" "a value for a closure" $palp solv
 # scenes
 $palp bake chain.model -o bare.palp --modes 0 > /dev/null 2>&1
 printf 'seconds 0.1\nprobe 0.004\ntouch 0 0.05 0.01 0.05\n' > probe.scene
-refuses 1 "has no regular part" "playing a model that was baked without contact" $palp play bare.palp --scene probe.scene
+refuses 1 "has no regular part" "playing a model that was baked without contact" $palp play bare.palp --scene probe.scene --ns-per-operation 0.25
 printf 'seconds 0.2\npose 0 ab 0\npose 0.1 ab 0.3\ncylinder 0.006 0.02 0 1 0\nobject 0 0.05 0.01 0.05\nobject 0.15 0.05 0.01 0.025\n' > ok.scene
-$palp play chain.palp --scene ok.scene --report play.html -o play.csv > play.txt && grep -q '</svg>' play.html && [ "$(wc -l < play.csv)" -eq 201 ] && grep -q ', 0 late' play.txt
+$palp play chain.palp --scene ok.scene --ns-per-operation 0.25 --report play.html -o play.csv > play.txt && grep -q '</svg>' play.html && [ "$(wc -l < play.csv)" -eq 201 ] && grep -q ', 0 late' play.txt
 ok $? "palp play: $(head -1 play.txt)"
-$palp play chain.palp --scene ok.scene -o again.csv > /dev/null && cut -d, -f1-14 play.csv > one.txt && cut -d, -f1-14 again.csv | cmp -s - one.txt
+$palp play chain.palp --scene ok.scene --ns-per-operation 0.25 -o again.csv > /dev/null && cut -d, -f1-14 play.csv > one.txt && cut -d, -f1-14 again.csv | cmp -s - one.txt
 ok $? "by the clock of the work done a scene repeats to the digit"
 { cat ok.scene; echo 'gravity 0 0 -9.81'; } > heavy.scene
-$palp play chain.palp --scene heavy.scene -o heavy.csv > /dev/null && cut -d, -f9-11 play.csv > light.txt && ! cut -d, -f9-11 heavy.csv | cmp -s - light.txt
+$palp play chain.palp --scene heavy.scene --ns-per-operation 0.25 -o heavy.csv > /dev/null && cut -d, -f9-11 play.csv > light.txt && ! cut -d, -f9-11 heavy.csv | cmp -s - light.txt
 ok $? "a scene with gravity"
-scene() { printf "$2" > bad.scene; refuses 2 "$1" "$3" $palp play chain.palp --scene bad.scene -o out.csv; }
+scene() { printf "$2" > bad.scene; refuses 2 "$1" "$3" $palp play chain.palp --scene bad.scene --ns-per-operation 0.25 -o out.csv; }
 scene "no joint named 'x'" 'pose 0 x 0\n' "a scene with an unknown joint"
 scene "out of its range" 'pose 0 ab 3\n' "a scene that leaves a joint's range"
 scene "not behind the one before" 'pose 1 ab 0\npose 1 ab 0.1\n' "times that do not ascend"
 scene "need a 'cylinder' line" 'object 0 0 0 0\n' "an object without a shape"
-refuses 1 "neither a multizone model nor a dynamic body" "playing one body" $palp play one.palp --scene ok.scene
-refuses 1 "the least answer may take" "a budget that nothing fits" $palp play chain.palp --scene ok.scene --budget-us 5 -o out.csv
+refuses 1 "neither a multizone model nor a dynamic body" "playing one body" $palp play one.palp --scene ok.scene --ns-per-operation 0.25
+refuses 1 "the least answer may take" "a budget that nothing fits" $palp play chain.palp --scene ok.scene --ns-per-operation 0.25 --budget-us 5 -o out.csv
 done_testing

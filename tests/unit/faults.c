@@ -60,7 +60,7 @@ static const char *const devices[] = {"arm3",     "arm3-cia402", "arm3-moteus",
                                       "arm3-mit", "arm3-palp",   "arm3-palp-fd"};
 #define DEVICES (sizeof devices / sizeof devices[0])
 #ifndef TRIALS
-#define TRIALS 4 /* of each fault under each protocol; fewer under sanitizers */
+#define TRIALS 2 /* of each fault under each protocol; fewer under sanitizers, more in make soak */
 #endif
 
 /* A hand that presses, and slides while it presses. */
@@ -162,7 +162,7 @@ static void test_fault(const specification *s, uint64_t *seed) {
     uint32_t seen_faults = 0, seen_states = 0;
     float least_N = 1e9f, given_J = 0;
     for (size_t d = 0; d < DEVICES; d++) {
-        for (int k = 0; k < TRIALS; k++) {
+        for (int k = 0; k < (tap_full() ? 2 * TRIALS : TRIALS); k++) {
             trial t = strike(s, devices[d], ++*seed);
             bool in_time = (s->counter == SIZE_MAX && s->outcome == STAYS) || s->outcome == ANY ||
                            (t.detect_ms >= 0 && t.detect_ms <= s->detect_ms);

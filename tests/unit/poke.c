@@ -261,7 +261,7 @@ static void check_violence(double lambda, double mu, int ticks) {
 }
 
 int main(int argc, char **argv) {
-    int ticks = argc > 1 ? atoi(argv[1]) : 3000;
+    int ticks = argc > 1 ? atoi(argv[1]) : 1000;
     if (argc == 1) {
         compare();
         check_force();
@@ -270,6 +270,7 @@ int main(int argc, char **argv) {
     static const double lame[6][2] = {{10, 10},   {90, 10},   {1e3, 1e3}, /* lambda, mu */
                                       {9e4, 1e4}, {1e6, 1e6}, {1e6, 1.1e5}};
     for (int k = 0; k < 6; k++) {
+        if (argc == 1 && k % 2 == 0 && !tap_full()) continue; /* check/dynamic.sh has all of them */
         if (argc < 3 || atoi(argv[2]) == k) check_violence(lame[k][0], lame[k][1], ticks);
     }
     return tap_done();

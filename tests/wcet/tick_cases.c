@@ -118,7 +118,7 @@ static void servo_session(cases *c, const palp_blob *blob, dice *d, uint32_t lev
     c->used = used;
 }
 
-/* ---- the answer alone, hunted ---- */
+/* ---- the answer alone, along searched paths ---- */
 
 /* What is known of the level, and of the path under way. */
 typedef struct {

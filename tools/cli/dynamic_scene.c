@@ -105,9 +105,7 @@ static void open_body(player *p) {
                              .tool_count = p->tools,
                              .max_points = POINTS,
                              .most_class = s->most_class,
-                             .cost = {.target = &palp_target_counted,
-                                      .ns_per_instruction = (float)s->ns_per_operation,
-                                      .margin = (float)(budget * 1e-6 * p->s.rate_hz)},
+                             .cost = machine_table(&s->machine, budget * 1e-6 * p->s.rate_hz),
                              .port = {.now_ns = now_ns, .context = p},
                              .tick_s = (float)(1 / p->s.rate_hz),
                              .uniform = s->uniform};
@@ -123,9 +121,10 @@ static void open_body(player *p) {
         palp_dynamic_init(&p->body, &c, at, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
         die(EXIT_WORK,
-            "%s: the coarsest mesh needs %.0f us and has %.0f us: use a lower rate or coarser "
-            "meshes",
-            s->blob, (double)bound_ns * 1e-3, budget);
+            "%s: the coarsest mesh needs %.0f us on %s (palp wcet) and has %.0f us: use a lower "
+            "rate, "
+            "coarser meshes, or another machine by --target or --ns-per-operation",
+            s->blob, (double)bound_ns * 1e-3, s->machine.target.name, budget);
     if (status != PALP_OK)
         die(EXIT_WORK, "%s: %s (is the material sound?)", s->blob, palp_status_text(status));
     bytes = palp_skin_memsize(&p->tets);
@@ -246,6 +245,7 @@ static void summary(FILE *f, const player *p) {
     percentiles asked = times(p, false), wall = times(p, true);
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
             p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+    play_print_machine(f, p->spec);
     fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", asked.p50,
             asked.p99, asked.max, play_budget_us(p->spec, p->s.rate_hz));
     fprintf(f, "wall clock here       p50 %.1f, p99 %.1f, max %.1f us\n", wall.p50, wall.p99,

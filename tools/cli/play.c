@@ -27,7 +27,11 @@ static const char help[] =
     "oscillates.\n"
     "Every tick is answered within a budget.\n"
     "  --budget-us B           share of each period for the tick (default: 80 %)\n"
-    "  --ns-per-operation N    cost table (default 0.25, of dynamic bodies 0.15)\n"
+    "  --target NAME|FILE      the machine whose prices the budget is kept by, as in palp wcet "
+    "(default: what\n"
+    "                          this program was built for)\n"
+    "  --ns-per-operation N    instead: an assumed machine, N ns for each operation that the code "
+    "counts\n"
     "  --clock work|wall       work: by operations counted, the same everywhere (default);\n"
     "                          wall: this machine's clock\n"
     "  --finest L              finest level of the seams, 0 to 5 (default 4)\n"
@@ -51,7 +55,7 @@ static const option options[] = {{"--scene", 1},     {"-o", 1},         {"--repo
                                  {"--finest", 1},    {"--no-pairs", 0}, {"--material", 1},
                                  {"--young", 1},     {"--poisson", 1},  {"--damping", 1},
                                  {"--drag", 1},      {"--uniform", 0},  {"--refine", 1},
-                                 {NULL, 0}};
+                                 {"--target", 1},    {NULL, 0}};
 
 static void set_option(void *context, const argument *a) {
     static const char *const clocks[] = {"work", "wall", NULL};
@@ -70,6 +74,8 @@ static void set_option(void *context, const argument *a) {
         s->budget_us = arg_between(a, 0, 1e6);
     } else if (strcmp(o, "--ns-per-operation") == 0) {
         s->ns_per_operation = arg_between(a, 0, 1e6);
+    } else if (strcmp(o, "--target") == 0) {
+        s->target = a->value[0];
     } else if (strcmp(o, "--clock") == 0) {
         s->wall = arg_word(a, clocks) == 1;
     } else if (strcmp(o, "--finest") == 0) {
@@ -123,7 +129,7 @@ static uint64_t now_ns(void *context) {
     const player *p = context;
     if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
     double work = (double)(palp_answer_work(p->b) - p->begun_work);
-    return p->begun_ns + (uint64_t)(work * p->spec->ns_per_operation);
+    return p->begun_ns + (uint64_t)(work * (double)p->spec->machine.ns_per_instruction);
 }
 
 static palp_vec3 vec(const double x[3]) {
@@ -156,9 +162,7 @@ static void open_player(player *p) {
                                  .tools = p->tool,
                                  .tool_count = p->tools,
                                  .finest = PALP_CONTACT_FINEST,
-                                 .cost = {.target = &palp_target_counted,
-                                          .ns_per_instruction = (float)s->ns_per_operation,
-                                          .margin = (float)(budget / period_us)},
+                                 .cost = machine_table(&s->machine, budget / period_us),
                                  .port = {.now_ns = now_ns, .context = p},
                                  .dt_s = (float)(1 / p->s.rate_hz)};
     bytes = palp_answer_memsize_zones(p->a, config.pairs, p->tools, config.finest);
@@ -166,9 +170,11 @@ static void open_player(player *p) {
     status = palp_answer_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
         die(EXIT_WORK,
-            "the least answer may take %.0f us, the budget is %.0f us: a longer --budget-us, a "
-            "lower rate, or fewer modes by --finest",
-            (double)bound_ns * 1e-3, budget);
+            "%s: the least answer may take %.0f us on %s (palp wcet), the budget is %.0f us: a "
+            "longer "
+            "--budget-us, a lower rate, fewer modes by --finest, or another machine by --target or "
+            "--ns-per-operation",
+            s->blob, (double)bound_ns * 1e-3, s->machine.target.name, budget);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
     for (uint32_t t = 0; t < p->tools; t++)
         p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
@@ -299,6 +305,7 @@ static void summary(FILE *f, const player *p) {
     double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
             p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+    play_print_machine(f, p->spec);
     fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", work.p50,
             work.p99, work.max, budget);
     fprintf(f, "wall clock here       p50 %.1f, p99 %.1f, max %.1f us\n", wall.p50, wall.p99,
@@ -451,6 +458,12 @@ double play_budget_us(const play_spec *s, double rate_hz) {
     return budget;
 }
 
+void play_print_machine(FILE *f, const play_spec *s) {
+    fprintf(f, "machine               %s: %.3g ns an instruction, %.3g ns a byte (%s)\n",
+            s->machine.target.name, (double)s->machine.ns_per_instruction,
+            (double)s->machine.ns_per_byte, s->machine.basis);
+}
+
 /* Which options go with which kind of model. */
 static void check_options(play_spec *s, bool dynamic) {
     bool of_dynamic = s->material != NULL || s->young_Pa >= 0 || s->poisson > -1 ||
@@ -464,7 +477,7 @@ static void check_options(play_spec *s, bool dynamic) {
         die(EXIT_USAGE, "--no-pairs is for multizone models; %s is a dynamic body", s->blob);
     if (!dynamic && s->finest >= PALP_SEAM_LEVELS)
         die(EXIT_USAGE, "--finest: seams have the levels 0 to %u", PALP_SEAM_LEVELS - 1);
-    if (!(s->ns_per_operation > 0)) s->ns_per_operation = dynamic ? 0.15 : 0.25;
+    machine_choose(&s->machine, s->target, s->ns_per_operation);
     s->most_class = s->finest_given ? s->finest : PALP_STEP_CLASSES - 1;
 }
 

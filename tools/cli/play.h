@@ -2,9 +2,10 @@
 /* What `palp play` was asked for; it serves multizone models (play.c) and dynamic bodies
  * (dynamic_scene.c).
  */
-#ifndef PALP_SIM_PLAY_H
-#define PALP_SIM_PLAY_H
+#ifndef PALP_TOOLS_PLAY_H
+#define PALP_TOOLS_PLAY_H
 
+#include "port/host/machine.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -12,8 +13,9 @@
 #define MOST_TICKS 1000000
 
 typedef struct {
-    const char *blob, *scene, *csv, *report;
-    double budget_us, ns_per_operation;
+    const char *blob, *scene, *csv, *report, *target;
+    double budget_us, ns_per_operation; /* the latter: as asked for, 0 if it was not */
+    machine machine;
     bool wall, alone;
     uint32_t finest;
     bool finest_given;
@@ -33,6 +35,9 @@ percentiles percentiles_of(double *x, size_t count);
 
 /* The budget of a tick in us; exits if it is longer than the period. */
 double play_budget_us(const play_spec *s, double rate_hz);
+
+/* One line: whose prices these are. */
+void play_print_machine(FILE *f, const play_spec *s);
 
 /* A dynamic body follows a scene; returns the exit code. */
 int play_dynamic(const play_spec *s, const void *data, size_t bytes);

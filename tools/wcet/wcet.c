@@ -26,9 +26,13 @@ static const char help[] =
     "  --rate HZ         default 1000\n"
     "  --target          x86-64, x86-64-avx2, cortex-a53, cortex-m7, or a file of palp calibrate;\n"
     "                    default: what this program was built for\n"
+    "  --ns-per-operation N   instead: an assumed machine, N ns for each operation that the code "
+    "counts;\n"
+    "                    palp play runs on the same\n"
     "  --limits          of contact at nodes, before version 0.4: left aside, contact has levels\n"
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
+    "  --tools N         how many of them, 1 to 4 (default 1)\n"
     "  --margin SHARE    of the period that belongs to the tick (default 0.8)\n"
     "  --hunt SECONDS    search for the most expensive tick: how near to the bound work can come\n"
     "  --keep FILE       write the path of the most expensive tick found\n"
@@ -40,7 +44,8 @@ static const char help[] =
 static const option options[] = {{"--rate", 1},     {"--target", 1}, {"--limits", 4},
                                  {"--friction", 0}, {"--tool", 1},   {"--margin", 1},
                                  {"--hunt", 1},     {"--keep", 1},   {"--replay", 1},
-                                 {"--json", 0},     {NULL, 0}};
+                                 {"--json", 0},     {"--tools", 1},  {"--ns-per-operation", 1},
+                                 {NULL, 0}};
 
 static void set_option(void *context, const argument *a) {
     static const char *const tools[] = {"ball", "pad", "cylinder", NULL};
@@ -52,6 +57,10 @@ static void set_option(void *context, const argument *a) {
         s->rate_hz = arg_between(a, 0, 1e9);
     } else if (strcmp(a->option, "--target") == 0) {
         s->target = a->value[0];
+    } else if (strcmp(a->option, "--ns-per-operation") == 0) {
+        s->ns_per_operation = arg_between(a, 0, 1e6);
+    } else if (strcmp(a->option, "--tools") == 0) {
+        s->tools = arg_u32(a, 0, 1, PALP_CONTACT_TOOLS);
     } else if (strcmp(a->option, "--limits") == 0) {
         s->limited = true;
         (void)arg_u32(a, 1, 1, arg_u32(a, 0, 1, 1000000));
@@ -103,6 +112,14 @@ static palp_tool tool_of(const wcet_spec *s, float size) {
     return t;
 }
 
+/* As many of them as asked for. */
+static void choose_tools(const wcet_spec *s, float size, palp_tool tool[PALP_CONTACT_TOOLS]) {
+    for (uint32_t t = 0; t < s->tools; t++) {
+        tool[t] = tool_of(s, size);
+        tool[t].friction = s->friction ? 0.3f : 0.0f;
+    }
+}
+
 /* The steps of a tick on one level of contact, and all of them. */
 typedef struct {
     palp_contact_level level;
@@ -126,20 +143,17 @@ static float iterate(const palp_contact_cost *c, const body_level *l) {
 static float finish(const palp_contact_cost *c, const body_level *l) {
     return palp_contact_cost_finish(c, l->level, l->level.points, l->level.contacts);
 }
-static float servo(const palp_contact_cost *c) {
-    return palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
-}
 static float least(const palp_contact_cost *c, const body_level *l) {
-    return servo(c) + palp_answer_cost_least(c, l->number);
+    return palp_answer_cost_least(c, l->number);
 }
 static float tick(const palp_contact_cost *c, const body_level *l) {
-    return servo(c) + palp_answer_cost_full(c, l->number);
+    return palp_answer_cost_full(c, l->number);
 }
 
-/* Contact on each level, in instructions and bytes; what seams add to an answer that is always in
- * time, and to a whole tick. The last row is the least answer. */
+/* Contact on each level, in instructions and bytes; what seams or a servo add to an answer that is
+ * always in time, and to a whole tick. The last row is the least answer. */
 static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost at_least[2],
-                         const double always[2], const double seams[2], wcet_table *t) {
+                         const double always[2], const double whole[2], wcet_table *t) {
     static const struct {
         const char *step;
         body_bound of;
@@ -157,7 +171,7 @@ static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost a
             for (int k = 0; k < 2; k++) {
                 sum[k] = (double)steps[i].of(steps[i].of == least ? &at_least[k] : &c[k], &l);
                 if (steps[i].of == least) sum[k] += always[k];
-                if (steps[i].of == tick) sum[k] += seams[k];
+                if (steps[i].of == tick) sum[k] += whole[k];
             }
             add(t, steps[i].step, counts, (int)n, (int)n, sum[0], sum[1]);
         }
@@ -169,17 +183,22 @@ static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost a
 }
 
 static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
-    static const double none[2] = {0, 0};
     if (palp_blob_has(blob, PALP_META_SCALAR))
         die(EXIT_WORK, "%s: a scalar problem: there is nothing to touch", s->blob);
     if (blob->meta->modes == 0)
         die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
-    palp_tool tool = tool_of(s, 2 * blob->meta->mean_edge_m);
-    tool.friction = s->friction ? 0.3f : 0.0f;
-    const palp_contact_cost c[2] = {palp_contact_cost_of(blob, &tool, 1, &m->target.instructions),
-                                    palp_contact_cost_of(blob, &tool, 1, &palp_bytes_touched)};
-    bound_levels(c, c, none, none, t);
-    t->ram_bytes = palp_servo_memsize(blob, PALP_CONTACT_FINEST);
+    palp_tool tool[PALP_CONTACT_TOOLS];
+    choose_tools(s, 2 * blob->meta->mean_edge_m, tool);
+    const palp_contact_cost c[2] = {
+        palp_contact_cost_of(blob, tool, s->tools, &m->target.instructions),
+        palp_contact_cost_of(blob, tool, s->tools, &palp_bytes_touched)};
+    double servo[2] = {0, 0}; /* which has one tool */
+    for (int k = 0; k < 2 && s->tools == 1; k++)
+        servo[k] =
+            (double)(palp_servo_cost_before(&c[k].price) + palp_servo_cost_after(&c[k].price));
+    bound_levels(c, c, servo, servo, t);
+    t->ram_bytes = s->tools == 1 ? palp_servo_memsize(blob, PALP_CONTACT_FINEST)
+                                 : palp_answer_memsize(blob, s->tools, PALP_CONTACT_FINEST);
     t->stack_bytes = PALP_SERVO_STACK;
 }
 
@@ -201,13 +220,13 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
         if (z.blob[i].meta->modes == 0)
             die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
     }
-    palp_tool tool = tool_of(s, 2 * z.blob[0].meta->mean_edge_m);
-    tool.friction = s->friction ? 0.3f : 0.0f;
+    palp_tool tool[PALP_CONTACT_TOOLS];
+    choose_tools(s, 2 * z.blob[0].meta->mean_edge_m, tool);
     palp_contact contact = {.assembly = &a, .pairs = true};
     palp_contact_cost c[2], at_least[2]; /* on the finest seams; on approximate ones */
     palp_moving moving[2];
     for (int k = 0; k < 2; k++) {
-        c[k] = palp_contact_cost_of_zones(&a, true, &tool, 1, price[k]);
+        c[k] = palp_contact_cost_of_zones(&a, true, tool, s->tools, price[k]);
         palp_moving_init(&moving[k], &contact, price[k], 1.0f, 0.0f,
                          palp_contact_cost_level(&c[k], PALP_CONTACT_FINEST).contacts);
         const palp_seam_cost *q = &moving[k].seam_cost[PALP_SEAM_LEVELS];
@@ -232,7 +251,7 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
         seams[k] = (double)(q->factor + 2.0f * q->settle + 2.0f * q->solve + moving[k].load_ns);
     }
     bound_levels(c, at_least, always, seams, t);
-    t->ram_bytes = room + palp_answer_memsize_zones(&a, true, 1, PALP_CONTACT_FINEST);
+    t->ram_bytes = room + palp_answer_memsize_zones(&a, true, s->tools, PALP_CONTACT_FINEST);
     t->stack_bytes = PALP_SERVO_STACK;
 }
 
@@ -252,7 +271,8 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
     if (status != PALP_OK)
         die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
     const palp_tets_meta *meta = tets.meta;
-    palp_tool tool = tool_of(s, 0.05f * meta->diagonal_m);
+    palp_tool tool[PALP_CONTACT_TOOLS];
+    choose_tools(s, 0.05f * meta->diagonal_m, tool);
     palp_target bytes_target = {.name = "bytes", .instructions = palp_bytes_touched};
     const palp_target *target[2] = {&m->target, &bytes_target};
     size_t room = palp_dynamic_memsize(&tets, points);
@@ -264,15 +284,15 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
                                                               meta->density_kg_m3, meta->damping_s,
                                                               meta->drag_per_s),
                                  .adapt = palp_adapt_defaults(&tets),
-                                 .tools = &tool,
-                                 .tool_count = 1,
+                                 .tools = tool,
+                                 .tool_count = s->tools,
                                  .max_points = points,
                                  .most_class = PALP_STEP_CLASSES - 1u,
                                  .cost = {target[k], 1.0f, 0.0f, 1.0f},
                                  .port = {.now_ns = no_clock},
                                  .tick_s = (float)(1 / s->rate_hz)};
-        palp_vec3 at = {0};
-        status = palp_dynamic_init(&d, &c, &at, memory, room, NULL);
+        const palp_vec3 at[PALP_CONTACT_TOOLS] = {{0}};
+        status = palp_dynamic_init(&d, &c, at, memory, room, NULL);
         if (status != PALP_OK && status != PALP_ERR_BUDGET)
             die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
         least[k] = (double)palp_dynamic_cost_least(&d);
@@ -354,7 +374,7 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
     }
     printf("\nmemory %zu bytes, stack %zu bytes\n", t->ram_bytes, t->stack_bytes);
     if (!fits) {
-        printf("refused: the least answer needs %.4g us, %.4g of %.4g us are the tick's\n",
+        printf("refused: the least answer needs %.6g us, %.6g of %.6g us are the tick's\n",
                time_us(m, &t->row[t->rows - 1]), s->margin * period_us, period_us);
     } else if (finest < 0) {
         printf("fits: an answer is always in time; with all that the limits allow it may be cut "
@@ -370,19 +390,17 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
 }
 
 int command_wcet(int argc, char **argv) {
-    wcet_spec s = {.rate_hz = 1000, .margin = 0.8};
+    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .tools = 1};
     machine m;
     wcet_table t = {.rows = 0};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "which blob? (palp wcet --help)");
     if (s.keep != NULL && !(s.search_s > 0)) die(EXIT_USAGE, "--keep goes with --hunt");
-    const palp_target *own = machine_of_this_build();
-    if (s.target == NULL && own == NULL)
-        die(EXIT_USAGE, "no cost table is shipped for this machine: give one with --target");
-    machine_find(&m, s.target != NULL ? s.target : own->name);
+    machine_choose(&m, s.target, s.ns_per_operation);
     size_t bytes;
     void *data = read_file(s.blob, &bytes);
-    if (s.search_s > 0 && s.tool != WCET_BALL) die(EXIT_USAGE, "--hunt goes with a ball");
+    if (s.search_s > 0 && (s.tool != WCET_BALL || s.tools > 1))
+        die(EXIT_USAGE, "--hunt goes with a ball");
     if (s.replay != NULL && (s.search_s > 0 || s.json))
         die(EXIT_USAGE, "--replay prints a table of its own: not with --hunt or --json");
     bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);

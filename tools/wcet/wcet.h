@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The parts of palp wcet: the table of bounds (wcet.c) and the hunt for what comes near them. */
+/* The parts of palp wcet: the table of bounds (wcet.c) and the search for what comes near them. */
 #ifndef PALP_TOOLS_WCET_H
 #define PALP_TOOLS_WCET_H
 
@@ -9,8 +9,9 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 
 typedef struct {
     const char *blob, *target, *keep, *replay;
-    double rate_hz, margin, search_s;
+    double rate_hz, margin, search_s, ns_per_operation;
     wcet_tool tool;
+    uint32_t tools;               /* how many */
     bool friction, limited, json; /* limited: --limits was given */
 } wcet_spec;
 
