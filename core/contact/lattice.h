@@ -8,7 +8,7 @@
  * A sphere sends its shots from its centre, along the points of a lattice in Lambert's equal-area
  * map about the lattice's axis; every other tool sends them side by side, along the axis. Where a
  * shot enters the surface lies a contact point. Points come where the tool overlaps the surface,
- * and go where it does not and they carried no force. The lattice follows the overlap
+ * and go where it does not and they carried no force. The lattice tracks the overlap
  *
  *     axis     sum a_i d_i direction_i, normalised (a sphere); origin sum a_i d_i x_i / sum a_i d_i
  *     spacing  mean cell = (A / 2 + pi (.015 R)^2) / cells,
@@ -19,7 +19,7 @@
  * takes the mean of their directions, and follows slowly where they lie on opposite sides.
  *
  * The overlap is that with the surface as the body as a whole has moved it in the last tick
- * (given.h; beyond its reach as the watched node nearest by), so d_i is what is left for the
+ * (far_field.h; beyond its reach as the watched node nearest by), so d_i is what is left for the
  * contact's own neighbourhood. A sphere that is pressed deeper than 0.4 of its radius sends its
  * shots from behind its centre, so that they still meet the surface from above.
  */
@@ -30,14 +30,14 @@
 #include "core/contact/tool.h"
 #include "core/surface/surface.h"
 
-#define PALP_LATTICE_SLOTS 1024u /* of the table of lattice places; a power of two */
+#define PALP_LATTICE_SLOTS 1024u /* of the table of sites; a power of two */
 #define PALP_LATTICE_CELL                                                                          \
     0.8660254f                   /* area of a cell over its spacing squared; height of a row       \
                                   */
-#define PALP_LATTICE_SEEDS 8u    /* regions that a tool is followed on */
+#define PALP_LATTICE_SEEDS 8u    /* regions that are tracked */
 #define PALP_LATTICE_FILLINGS 4u /* of a tick at most, its beginning among them */
 /* What one filling does at most, with room for so many points. */
-#define PALP_LATTICE_SHOTS(room) (3u * (room) / 2u + 36u) /* places looked at, each one shot */
+#define PALP_LATTICE_SHOTS(room) (3u * (room) / 2u + 36u) /* at sites, one each */
 #define PALP_LATTICE_CROSSINGS(room) (5u * (room) + 180u) /* triangles crossed by all shots */
 #define PALP_LATTICE_BETWEEN 3u                           /* times as many between two bodies */
 #define PALP_LATTICE_MEASURE 96u                          /* and before there is a lattice */
@@ -59,7 +59,7 @@ typedef struct {
     float cell_m;          /* spacing of the regular lattice that it stands for */
     float overlap_m;       /* with the surface as the body as a whole has moved it; not below 0 */
     uint32_t patch;        /* whose lattice it belongs to */
-    int16_t i, j;          /* place in it */
+    int16_t i, j;          /* site in it */
     palp_vec3 out;         /* out of the tool, into the body: direction of the force on the body */
     palp_vec3 m, u_m; /* the same, and the displacement of the last solve, in the body's frame */
     float force_N;    /* along m, not negative */
@@ -68,9 +68,9 @@ typedef struct {
     uint8_t region;   /* of those in contact, set by palp_contact_regions */
 } palp_contact_point;
 
-/* Where the points of each place of a lattice are. */
+/* Which point lies at each site of a lattice. */
 typedef struct {
-    uint32_t key[PALP_LATTICE_SLOTS];   /* of a place, never 0; 0: empty */
+    uint32_t key[PALP_LATTICE_SLOTS];   /* of a site, never 0; 0: empty */
     uint16_t point[PALP_LATTICE_SLOTS]; /* number, or PALP_LATTICE_MISS */
 } palp_lattice_table;
 
@@ -106,11 +106,11 @@ typedef struct {
     uint32_t seeds;
     palp_surface_point seed[PALP_LATTICE_SEEDS];
     palp_far_field bent; /* how nodes around the tool are bent, found while there is no lattice */
-    float narrowed;      /* share of the tool's size that is not looked at for it: too many nodes */
+    float narrowed;      /* share of the tool's size that is left out of it: too many nodes */
     uint32_t facing;     /* triangle of the other body that was met last */
 } palp_lattice;
 
-/* What fillings did: tables begun, nodes and rows of cells looked at, gaps of the tool evaluated,
+/* What fillings did: tables begun, nodes and rows of cells visited, gaps of the tool evaluated,
  * shots and the triangles that they crossed, nodes asked how they are bent. */
 typedef struct {
     uint32_t fillings, around, evaluations, shots, crossings, bent;
@@ -128,7 +128,7 @@ typedef struct {
     const palp_frame *other_frame;
     uint32_t facing;           /* a triangle of it near where the two meet */
     float size_m;              /* of what presses: palp_tool_size */
-    float reach_m;             /* within which nodes are looked at: palp_lattice_reach */
+    float reach_m;             /* within which nodes are visited: palp_lattice_reach */
     uint32_t number;           /* of the patch */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
@@ -144,7 +144,7 @@ typedef struct {
     palp_lattice_counts *done; /* so far, in this tick */
 } palp_lattice_room;
 
-#define PALP_LATTICE_FULL 1u  /* more points or looks were wanted than there is room for */
+#define PALP_LATTICE_FULL 1u  /* more points or shots were wanted than there is room for */
 #define PALP_LATTICE_MOVED 2u /* the overlap asks for another filling */
 #define PALP_LATTICE_LOST 8u  /* shots ended before they met anything: too many crossings */
 #define PALP_LATTICE_BEGUN 4u /* laid where the tool overlaps, still without points: fill it */
@@ -152,22 +152,22 @@ typedef struct {
 /*
  * Lays the lattice for the tool where it is and puts its points behind the first `first` of the
  * room, in place of those that an earlier filling of this tick left there; where there is no
- * lattice yet it only begins one. Returns flags. Cost: one look at every node around the tool, and
+ * lattice yet it only begins one. Returns flags. Cost: one visit of every node around the tool, and
  * the counts above.
  */
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
 
-/* The next filling looks for where two bodies overlap, about the reference point displaced by
+/* The next filling searches where two bodies overlap, about the reference point displaced by
  * given_m and along `axis`. */
 void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m);
 
 /* The point at a node of one of several bodies. */
 palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node);
 
-/* Radius about its reference point within which a tool's filling looks at nodes (m). */
+/* Radius about its reference point within which a tool's filling visits nodes (m). */
 float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob);
 
-/* The point at a place of the lattice, or PALP_LATTICE_MISS. */
+/* The point at a site of the lattice, or PALP_LATTICE_MISS. */
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j);
 void palp_lattice_clear(palp_lattice_table *table);
 
