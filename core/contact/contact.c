@@ -81,7 +81,7 @@ void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
     }
     palp_contact_place(c);
     c->filling = palp_contact_next(c);
-    if (c->filling < c->patches) c->given_share = foreseen_share(c, &c->patch[c->filling]);
+    if (c->filling < c->patches) c->far_share = foreseen_share(c, &c->patch[c->filling]);
     c->forward = 0.0f;
 }
 
@@ -90,7 +90,7 @@ static void next_patch(palp_contact *c) {
     c->filling = palp_contact_next(c);
     c->fillings = 0;
     c->first = c->count;
-    if (c->filling < c->patches) c->given_share = foreseen_share(c, &c->patch[c->filling]);
+    if (c->filling < c->patches) c->far_share = foreseen_share(c, &c->patch[c->filling]);
     c->forward = 0.0f;
 }
 
@@ -125,8 +125,8 @@ static palp_far_field together(palp_far_field a, const palp_far_field *b) {
  * So a contact is not lost because the tool was foreseen a little above a surface that gives hardly
  * way.
  */
-static palp_far_field given_for(const palp_contact *c, const palp_contact_patch *patch) {
-    palp_far_field g = palp_far_field_times(&patch->given, c->given_share);
+static palp_far_field far_field_for(const palp_contact *c, const palp_contact_patch *patch) {
+    palp_far_field g = palp_far_field_times(&patch->far_field, c->far_share);
     if (c->assembly != NULL) g = together(g, &patch->bent);
     if (!(c->forward > 0.0f) || patch->tool == PALP_CONTACT_TOOLS) return g;
     palp_vec3 pull = palp_sub(c->spring[patch->tool].held_m, patch->tool_m);
@@ -187,10 +187,10 @@ bool palp_contact_fill(palp_contact *contact) {
         .number = c->filling,
         .tool_m = patch->tool_m,
         .cells = (float)c->level.cells * c->crowd,
-        .given = given_for(c, patch),
+        .far_field = far_field_for(c, patch),
         .load = c->far_load,
         .far_modes = far_modes(c),
-        .share = patch->normal_N > 0.0f ? c->given_share : 1.0f,
+        .share = patch->normal_N > 0.0f ? c->far_share : 1.0f,
         .point = c->point,
         .count = &c->count,
         .most = pair ? pair_room(c) : c->level.points,
@@ -198,7 +198,7 @@ bool palp_contact_fill(palp_contact *contact) {
         .count_before = c->count_before,
         .table = patch->table,
         .done = &c->done};
-    patch->bent_used = patch->bent;
+    patch->bent_field_used = patch->bent;
     c->done = (palp_lattice_counts){.fillings = 0};
     uint32_t flags = palp_lattice_fill(&patch->lattice, &room, c->first);
     c->filled = sum_of(c->filled, c->done);
@@ -213,7 +213,7 @@ bool palp_contact_fill(palp_contact *contact) {
     bool again = ((flags & PALP_LATTICE_MOVED) != 0u || begun || missed) &&
                  ++c->fillings < PALP_LATTICE_FILLINGS;
     if (missed) {
-        c->given_share = c->fillings == 1u ? 0.5f * c->given_share : 0.0f;
+        c->far_share = c->fillings == 1u ? 0.5f * c->far_share : 0.0f;
         c->forward = c->fillings == 1u ? NEAR : FAR;
     }
     if (!again) {
@@ -322,8 +322,8 @@ static palp_vec3 at_corners(const palp_contact *c, uint32_t side, const palp_sur
 
 /* The displacements around a patch's forces: by the modes and seams, and as its body is bent; of
  * one zone against the other. */
-static void find_given(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
-    palp_far_field_sums given = {.weight = 0.0f}, bent = {.weight = 0.0f};
+static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
+    palp_far_field_sums far_field = {.weight = 0.0f}, bent = {.weight = 0.0f};
     for (uint32_t a = 0; a < c->active_count; a++) {
         const uint32_t i = c->active[a], other = c->other_side[i];
         const palp_contact_point *p = &c->point[i];
@@ -340,14 +340,14 @@ static void find_given(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
             u = at_corners(c, other, z, c->node_bent_m);
             b = palp_sub(b, palp_contact_outward(c, z->body, u));
         }
-        palp_far_field_add(&given, p->force_N, y, h, p->cell_m);
+        palp_far_field_add(&far_field, p->force_N, y, h, p->cell_m);
         palp_far_field_add(&bent, p->force_N, y, b, p->cell_m);
     }
-    patch->given = palp_far_field_fit(&given, patch->tool_m);
+    patch->far_field = palp_far_field_fit(&far_field, patch->tool_m);
     const float size = size_of(c, patch);
-    if (!(given.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
-        patch->given.fade = 16.0f / (size * size);
-    if (given.weight > 0.0f && c->assembly != NULL)
+    if (!(far_field.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
+        patch->far_field.fade = 16.0f / (size * size);
+    if (far_field.weight > 0.0f && c->assembly != NULL)
         patch->bent = palp_far_field_fit(&bent, patch->tool_m);
 }
 
@@ -430,7 +430,7 @@ void palp_contact_finish(palp_contact *contact) {
     c->solved = true;
     take_displacements(c);
     for (uint32_t k = 0; k < c->patches; k++) {
-        if (c->patch[k].used) find_given(c, &c->patch[k], k);
+        if (c->patch[k].used) find_far_field(c, &c->patch[k], k);
     }
     palp_contact_exact(c);
     for (uint32_t t = 0; t < c->tool_count; t++) end_tool(c, t);

@@ -108,13 +108,13 @@ typedef struct {
     palp_vec3 met_m;      /* and that in the frame of the first */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
-    palp_far_field given;     /* by the body as a whole under the forces of the last tick */
-    palp_far_field bent;      /* and without them */
-    palp_far_field bent_used; /* what of lattice.used.given is that */
-    float spacing_before;     /* of the lattice in the last tick */
-    float normal_N;           /* sum of lambda */
-    palp_vec3 push_N;         /* - sum lambda m, where the bodies are */
-    palp_vec3 beyond_N;       /* what the exact force has beyond it */
+    palp_far_field far_field;       /* by the body as a whole under the forces of the last tick */
+    palp_far_field bent;            /* and without them */
+    palp_far_field bent_field_used; /* what of lattice.used.far_field is that */
+    float spacing_before;           /* of the lattice in the last tick */
+    float normal_N;                 /* sum of lambda */
+    palp_vec3 push_N;               /* - sum lambda m, where the bodies are */
+    palp_vec3 beyond_N;             /* what the exact force has beyond it */
 } palp_contact_patch;
 
 /* Sides of points that lie on one body, one behind the other. */
@@ -158,10 +158,10 @@ typedef struct {
     palp_vec3 held_before_m[PALP_CONTACT_TOOLS]; /* spring.held_m of the last solved tick */
     float stored_J;                              /* the most that was of late, fading */
     float owed_J;                                /* to the hand */
-    float given_share; /* of patch.given, that the patch under way is taken to meet */
-    float forward;     /* how far that is put forward, over its size */
-    float energy_J;    /* f C f / 2 */
-    float crowd;       /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
+    float far_share; /* of patch.far_field, that the patch under way is taken to meet */
+    float forward;   /* how far that is put forward, over its size */
+    float energy_J;  /* f C f / 2 */
+    float crowd;     /* share of the cells that is asked for: below 1 after PALP_CONTACT_FULL */
     uint32_t sides, side_room; /* the points, then the other sides of those between zones */
     uint16_t *side_point;      /* [side_room] */
     uint16_t *other_side;      /* [room] of a point between zones; 0: it has none */

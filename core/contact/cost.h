@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What a tick of contact costs at most, in the unit of the prices given (base/price.h); names of
+ * What a tick of contact costs at most, in the unit of the prices given (budget/price.h); names of
  * prices in capitals. Everything follows from the level and from how many points there are.
  *
  *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool

@@ -6,27 +6,28 @@
 #define STEEPEST 0.7f
 #define REACH 3.0f /* over the RMS distance of the places, and a cell */
 
-static palp_vec3 turned(const palp_far_field *given, palp_vec3 d) {
-    const float *m = given->slope;
+static palp_vec3 turned(const palp_far_field *far_field, palp_vec3 d) {
+    const float *m = far_field->slope;
     return (palp_vec3){m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
                        m[6] * d.x + m[7] * d.y + m[8] * d.z};
 }
 
-palp_vec3 palp_far_field_turned_back(const palp_far_field *given, palp_vec3 d) {
-    const float *m = given->slope;
+palp_vec3 palp_far_field_turned_back(const palp_far_field *far_field, palp_vec3 d) {
+    const float *m = far_field->slope;
     return (palp_vec3){m[0] * d.x + m[3] * d.y + m[6] * d.z, m[1] * d.x + m[4] * d.y + m[7] * d.z,
                        m[2] * d.x + m[5] * d.y + m[8] * d.z};
 }
 
-palp_vec3 palp_far_field_beside(const palp_far_field *given, palp_vec3 y, float *gone) {
-    const palp_vec3 d = palp_sub(y, given->at_m);
-    const float beyond = (palp_dot(d, d) * given->fade - 1.0f) * (1.0f / 3.0f); /* 1 at 2 reach */
+palp_vec3 palp_far_field_beside(const palp_far_field *far_field, palp_vec3 y, float *gone) {
+    const palp_vec3 d = palp_sub(y, far_field->at_m);
+    const float beyond =
+        (palp_dot(d, d) * far_field->fade - 1.0f) * (1.0f / 3.0f); /* 1 at 2 reach */
     *gone = palp_clamp(beyond, 0.0f, 1.0f);
-    return palp_madd(palp_scale(1.0f - *gone, turned(given, d)), -*gone, given->mean_m);
+    return palp_madd(palp_scale(1.0f - *gone, turned(far_field, d)), -*gone, far_field->mean_m);
 }
 
-palp_far_field palp_far_field_times(const palp_far_field *given, float factor) {
-    palp_far_field g = *given;
+palp_far_field palp_far_field_times(const palp_far_field *far_field, float factor) {
+    palp_far_field g = *far_field;
     g.mean_m = palp_scale(factor, g.mean_m);
     for (uint32_t k = 0; k < 9u; k++) g.slope[k] *= factor;
     return g;

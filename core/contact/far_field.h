@@ -23,12 +23,12 @@ typedef struct {
 } palp_far_field;
 
 /* h(y) - mean; *gone, 0 to 1: how far y is beyond the reach, so that h has faded. */
-palp_vec3 palp_far_field_beside(const palp_far_field *given, palp_vec3 y, float *gone);
+palp_vec3 palp_far_field_beside(const palp_far_field *far_field, palp_vec3 y, float *gone);
 /* slope^T d */
-palp_vec3 palp_far_field_turned_back(const palp_far_field *given, palp_vec3 d);
+palp_vec3 palp_far_field_turned_back(const palp_far_field *far_field, palp_vec3 d);
 
 /* The field times a factor. */
-palp_far_field palp_far_field_times(const palp_far_field *given, float factor);
+palp_far_field palp_far_field_times(const palp_far_field *far_field, float factor);
 
 /* Sums for the weighted least squares of places y and their displacements h. */
 typedef struct {

@@ -184,15 +184,15 @@ void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp
         contact->work_done += 50u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)s.set[k].count;
     }
     const palp_symmetric2 b = f->far_m_per_N;
-    const palp_vec3 given = give(f, pull.force_N);
+    const palp_vec3 far_field = give(f, pull.force_N);
     f->force_N = palp_scale(-1.0f, pull.force_N);
     f->moment_Nm = palp_scale(-1.0f, pull.moment_Nm);
-    f->energy_J = pull.energy_J + 0.5f * palp_dot(pull.force_N, given);
+    f->energy_J = pull.energy_J + 0.5f * palp_dot(pull.force_N, far_field);
     f->sticking_N_per_m =
         pull.sticking_N_per_m / (1.0f + 0.5f * (b.xx + b.yy) * pull.sticking_N_per_m);
     f->slipping = pull.slipping;
     f->turn_rad = (palp_vec3){0};
-    f->solved_m = palp_add(f->tool_m, palp_add(by, palp_sub(given, give(f, before))));
+    f->solved_m = palp_add(f->tool_m, palp_add(by, palp_sub(far_field, give(f, before))));
 }
 
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {

@@ -149,14 +149,15 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
                                   palp_sub(palp_vec3_at(s->blob->rest_m + 3u * (size_t)v[2]), x0));
     normal = palp_contact_outward(c, p->at.body, normal);
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
-    const palp_far_field *given = &l->used.given;
-    palp_vec3 at = palp_sub(patch->tool_m, given->mean_m);
+    const palp_far_field *far_field = &l->used.far_field;
+    palp_vec3 at = palp_sub(patch->tool_m, far_field->mean_m);
     float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
-    palp_vec3 y = palp_add(p->y, palp_far_field_beside(given, p->y, &gone));
+    palp_vec3 y = palp_add(p->y, palp_far_field_beside(far_field, p->y, &gone));
     z.out = palp_tool_gap(&c->tools[patch->tool], at, y).normal;
     z.out_q = where_it_is(
         c, p, z.dy_dq,
-        palp_add(z.out, palp_scale(1.0f - gone, palp_far_field_turned_back(given, z.out))), true);
+        palp_add(z.out, palp_scale(1.0f - gone, palp_far_field_turned_back(far_field, z.out))),
+        true);
     z.facing_q = where_it_is(c, p, z.dn_dq, p->direction, true);
     return z;
 }
@@ -346,7 +347,7 @@ static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
     if (p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
-    const palp_vec3 moved = palp_sub(patch->tool_m, l->used.given.mean_m);
+    const palp_vec3 moved = palp_sub(patch->tool_m, l->used.far_field.mean_m);
     const palp_vec3 origin = palp_add(moved, l->used.origin_m);
     palp_vec3 off = central ? p->direction : palp_sub(p->q, origin);
     float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
@@ -370,7 +371,7 @@ static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
 
 /* (1 - dh/dc)^T v. d is from the energy, F (h . n / 2 + 2 d / 5). What a zone is bent by without
  * contact is not given by the force. */
-static palp_vec3 seen_from_given(const palp_contact *c, uint32_t k, palp_vec3 v) {
+static palp_vec3 seen_from_far_field(const palp_contact *c, uint32_t k, palp_vec3 v) {
     const palp_contact_patch *patch = &c->patch[k];
     palp_vec3 push = {0};
     float energy = 0.0f;
@@ -385,7 +386,8 @@ static palp_vec3 seen_from_given(const palp_contact *c, uint32_t k, palp_vec3 v)
     const float force = palp_norm(push);
     if (!(force > 0.0f)) return v;
     const palp_vec3 n = palp_scale(1.0f / force, push);
-    const palp_vec3 h = palp_sub(patch->lattice.used.given.mean_m, patch->bent_used.mean_m);
+    const palp_vec3 h =
+        palp_sub(patch->lattice.used.far_field.mean_m, patch->bent_field_used.mean_m);
     const float along = palp_dot(h, n);
     if (!(along > 0.0f)) return v;
     const float local = palp_max(energy / force - 0.5f * along, 0.0f);
@@ -408,7 +410,8 @@ void palp_contact_exact(palp_contact *contact) {
         }
         if (!any) continue;
         const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};
-        patch->beyond_N = seen_from_given(c, k, palp_add(moved, derivative_force(c, patch, &f)));
+        patch->beyond_N =
+            seen_from_far_field(c, k, palp_add(moved, derivative_force(c, patch, &f)));
     }
     c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

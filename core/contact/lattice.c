@@ -26,8 +26,8 @@ static float edge_of(const palp_lattice_room *r) {
 
 static void start_filling(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_room *r,
                           uint32_t first) {
-    const palp_vec3 moved = palp_sub(r->tool_m, r->given.mean_m);
-    l->at.given = r->given;
+    const palp_vec3 moved = palp_sub(r->tool_m, r->far_field.mean_m);
+    l->at.far_field = r->far_field;
     l->used = l->at;
     *f = (palp_lattice_filling){.l = l,
                                 .r = r,
@@ -38,8 +38,8 @@ static void start_filling(palp_lattice_filling *f, palp_lattice *l, const palp_l
                                 .crossings = crossings_of(r),
                                 .rings = PALP_LATTICE_RINGS(r->most),
                                 .feet = PALP_LATTICE_FEET(r->most),
-                                .unsure_m = UNSURE * palp_norm(r->given.mean_m),
-                                .far_m = ELSEWHERE * palp_norm(r->given.mean_m) +
+                                .unsure_m = UNSURE * palp_norm(r->far_field.mean_m),
+                                .far_m = ELSEWHERE * palp_norm(r->far_field.mean_m) +
                                          PALP_LATTICE_MARGIN * edge_of(r)};
     *r->count = first;
     palp_lattice_move_watched(l, r);
@@ -85,11 +85,11 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     return true;
 }
 
-void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m) {
+void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 aim_m) {
     palp_lattice *l = lattice;
     *l = (palp_lattice){.placed = false};
     palp_lattice_set_axis(l, axis);
-    l->at.origin_m = given_m;
+    l->at.origin_m = aim_m;
 }
 
 /* All regions, first those that were there before. */

@@ -80,9 +80,9 @@ typedef struct {
 typedef struct {
     palp_vec3 axis, tangent[2]; /* orthonormal */
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
-    float back_m;         /* from how far behind a sphere's centre its shots come, along -axis */
-    float spacing;        /* rad for a sphere, else m */
-    palp_far_field given; /* by the body as a whole */
+    float back_m;  /* from how far behind a sphere's centre its shots come, along -axis */
+    float spacing; /* rad for a sphere, else m */
+    palp_far_field far_field; /* by the body as a whole */
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
 } palp_lattice_state;
 
@@ -132,7 +132,7 @@ typedef struct {
     uint32_t number;           /* of the patch */
     palp_vec3 tool_m;          /* where it is */
     float cells;               /* wanted in contact */
-    palp_far_field given;      /* by the body as a whole, as foreseen, and as it is bent */
+    palp_far_field far_field;  /* by the body as a whole, as foreseen, and as it is bent */
     const float *load;         /* [far_modes] of the modes, in the last tick */
     uint32_t far_modes;        /* PALP_LATTICE_FAR_MODES, or all that there are */
     float share;               /* of what they displace by, as foreseen */
@@ -159,7 +159,7 @@ uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room,
 
 /* The next filling searches where two bodies overlap, about the reference point displaced by
  * given_m and along `axis`. */
-void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 given_m);
+void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 aim_m);
 
 /* The point at a node of one of several bodies. */
 palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node);

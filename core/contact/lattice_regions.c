@@ -160,13 +160,13 @@ typedef struct {
     uint32_t count;
 } watch_list;
 
-static void offer(watch_list *list, const palp_far_field *given, palp_lattice_watch w) {
+static void offer(watch_list *list, const palp_far_field *far_field, palp_lattice_watch w) {
     uint32_t in = list->count, farthest = 0;
-    palp_vec3 d = palp_sub(w.x_m, given->at_m);
-    if (!(palp_dot(d, d) * given->fade > 1.0f)) return;
+    palp_vec3 d = palp_sub(w.x_m, far_field->at_m);
+    if (!(palp_dot(d, d) * far_field->fade > 1.0f)) return;
     for (uint32_t k = 0; k < list->count; k++) {
         d = palp_sub(w.x_m, list->of[k].x_m);
-        if (palp_dot(d, d) * given->fade <= 1.0f) in = k;
+        if (palp_dot(d, d) * far_field->fade <= 1.0f) in = k;
         if (list->of[k].gap_m > list->of[farthest].gap_m) farthest = k;
     }
     if (in == PALP_LATTICE_WATCHED) in = farthest;
@@ -215,7 +215,7 @@ static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_
     if (gap.gap_m > f->far_m) return;
     palp_vec3 n = palp_lattice_turned_out(r, body, palp_vec3_at(b->normal + 3u * (size_t)node));
     if (palp_dot(gap.normal, n) > 0.0f) return;
-    offer(&v->next, &f->l->at.given,
+    offer(&v->next, &f->l->at.far_field,
           (palp_lattice_watch){
               .body = body, .node = node, .x_m = palp_add(v->c, off), .gap_m = gap.gap_m});
     if (gap.gap_m > margin) return;

@@ -12,7 +12,7 @@
 palp_vec3 palp_lattice_beside(const palp_lattice_filling *f, palp_vec3 y, float *gone) {
     const palp_lattice *l = f->l;
     float least = 1e30f;
-    palp_vec3 u = palp_far_field_beside(&l->at.given, y, gone), far = {0};
+    palp_vec3 u = palp_far_field_beside(&l->at.far_field, y, gone), far = {0};
     if (!(*gone > 0.0f)) return u;
     for (uint32_t k = 0; k < l->watched; k++) {
         palp_vec3 d = palp_sub(y, l->watch[k].x_m);

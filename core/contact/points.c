@@ -113,12 +113,12 @@ static void meet(palp_contact *c, uint32_t i) {
     palp_contact_point *p = &c->point[i];
     palp_contact_patch *patch = &c->patch[p->patch];
     palp_contact_facing *z = &c->facing[i];
-    const palp_far_field *given = &patch->lattice.used.given;
+    const palp_far_field *far_field = &patch->lattice.used.far_field;
     uint32_t crossings = PALP_SURFACE_CROSSINGS;
     uint32_t hint[2] = {patch->lattice.facing, palp_contact_other_triangle(c, patch)};
     float gone;
-    palp_vec3 beside = palp_far_field_beside(given, p->y, &gone);
-    palp_vec3 x = palp_add(p->y, palp_add(given->mean_m, beside));
+    palp_vec3 beside = palp_far_field_beside(far_field, p->y, &gone);
+    palp_vec3 x = palp_add(p->y, palp_add(far_field->mean_m, beside));
     palp_vec3 m = palp_scale(-1.0f, p->n);
     z->at.body = patch->other;
     z->found = palp_facing_find(&c->surface[patch->other], &c->frame[patch->other], x,

@@ -29,7 +29,7 @@ typedef struct {
 } palp_adapt_config;
 
 /* gamma_max = 0.8 % of the diagonal, a tenth of it to merge (a child's gamma is about a quarter of
- * its parent's), 50 ticks, 8 changes, 2,000 looks. */
+ * its parent's), 50 ticks, 8 changes, 2,000 element tests. */
 palp_adapt_config palp_adapt_defaults(const palp_tets *tets);
 
 typedef struct {

@@ -54,10 +54,10 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
         const float twice = xx * xx + yy * yy + zz * zz + 2.0f * (yz * yz + zx * zx + xy * xy);
         const float density =
             0.125f * (lambda * trace * trace + mu2 * twice) + 0.5f * wall * under * under;
-        const float root = palp_sqrt(1.0f + density * per_limit), soften = 1.0f / root;
-        const float push = e->volume[k] * wall * under * soften;
+        const float root = palp_sqrt(1.0f + density * per_limit), taper = 1.0f / root;
+        const float push = e->volume[k] * wall * under * taper;
         const float pressure = lambda * trace + phi * (nxx + nyy + nzz);
-        const float half = 0.5f * e->volume[k] * soften;
+        const float half = 0.5f * e->volume[k] * taper;
         const float sxx = half * (pressure + mu2 * xx + psi2 * nxx);
         const float syy = half * (pressure + mu2 * yy + psi2 * nyy);
         const float szz = half * (pressure + mu2 * zz + psi2 * nzz);
@@ -87,7 +87,7 @@ void palp_element_forces(palp_element_lanes *restrict e, const palp_material *m)
                                 c[4] * c[4] + c[5] * c[5] + c[6] * c[6] + c[7] * c[7] + c[8] * c[8];
         const float crushed =
             under > 0.0f ? PALP_WALL * cofactors : 0.0f; /* det D is linear in each node */
-        e->stretch[k] = palp_max(soften * (square + stress + crushed), 1.0f);
+        e->stretch[k] = palp_max(taper * (square + stress + crushed), 1.0f);
         e->energy_J[k] = 2.0f * e->volume[k] * density / (root + 1.0f);
     }
 }

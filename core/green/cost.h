@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What the operations of this folder cost at most, in the unit of the prices given (base/price.h);
- * names of prices in capitals.
+ * What the operations of this folder cost at most, in the unit of the prices given
+ * (budget/price.h); names of prices in capitals.
  */
 #ifndef PALP_GREEN_COST_H
 #define PALP_GREEN_COST_H

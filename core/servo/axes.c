@@ -129,7 +129,7 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t 
 
 palp_axes_health palp_axes_check(const palp_device_axes *axes) {
     palp_axes_health h = {
-        .heard = true, .configured = true, .well = true, .enabled = true, .homed = axes->homed};
+        .heard = true, .configured = true, .healthy = true, .enabled = true, .homed = axes->homed};
     for (uint32_t i = 0; i < axes->count; i++) {
         const palp_drive *d = &axes->drive[i];
         const palp_joint *j = &axes->joint[i];
@@ -137,7 +137,7 @@ palp_axes_health palp_axes_check(const palp_device_axes *axes) {
         h.heard = h.heard && d->heard;
         h.configured = h.configured && d->configured;
         h.misconfigured = h.misconfigured || d->misconfigured;
-        h.well = h.well && d->error == PALP_DRIVE_NO_ERROR;
+        h.healthy = h.healthy && d->error == PALP_DRIVE_NO_ERROR;
         h.enabled = h.enabled && d->enabled;
         h.status_age = d->status_age > h.status_age ? d->status_age : h.status_age;
         h.age = age > h.age ? age : h.age;

@@ -19,7 +19,7 @@ typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];
     palp_joint_limits limits[PALP_AXES];
-    float contact_torque_Nm[PALP_AXES]; /* motor torques of the touch alone, of the last tick */
+    float contact_torque_Nm[PALP_AXES]; /* motor torques of the contact alone, of the last tick */
     float zero_rad[PALP_AXES];          /* angle of a joint where its drive reads 0 */
     uint32_t count;
     bool homed; /* it is known; else joints count from 0, and no reading is out of limits */
@@ -29,7 +29,7 @@ typedef struct {
 /* What the safety state machine wants to know about all axes together. */
 typedef struct {
     bool heard, configured, misconfigured, homed;
-    bool well;           /* no drive reports an error */
+    bool healthy;        /* no drive reports an error */
     bool enabled;        /* all act on torque */
     uint32_t status_age; /* ticks, of the drive that was silent longest */
     uint32_t age;        /* ticks, of the oldest joint angle */

@@ -75,7 +75,7 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
 
 /*
- * Bounds in ns: sums of named counts times prices (base/price.h), names of prices in capitals.
+ * Bounds in ns: sums of named counts times prices (budget/price.h), names of prices in capitals.
  *
  * Of a tick as the body stands, with steps no finer than most_class: TICK + skin (SKIN + tools
  * SKIN_TOOL) + 8 points (NARROW + points ROOM) + elements due ELEMENT + steps (active NODE_STEP +

@@ -30,17 +30,18 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
         slew_Nm[i] = palp_norm((palp_vec3){x[i], y[i], z[i]}) / palp_abs(device->gear[i]);
 }
 
-/* The integrator's own torque at motor i. It follows what is wanted with what the touch leaves of
+/* The integrator's own torque at motor i. It follows what is wanted with what the contact leaves of
  * the slew limit, and has what the rest of the torque leaves of the motor's. What fades the force
- * (lift) fades it at once. */
-static float feed_forward(palp_output *output, float wanted_Nm, float lift, float contact_torque_Nm,
-                          float rest_Nm, float limit_Nm, float slew_Nm, uint32_t i, bool *slewed) {
+ * (`share`) fades it at once. */
+static float feed_forward(palp_output *output, float wanted_Nm, float share,
+                          float contact_torque_Nm, float rest_Nm, float limit_Nm, float slew_Nm,
+                          uint32_t i, bool *slewed) {
     const float left =
         palp_max(slew_Nm - palp_abs(contact_torque_Nm - output->contact_torque_Nm[i]), 0.0f);
     const float change = wanted_Nm - output->feedforward_Nm[i];
     *slewed = *slewed || palp_abs(change) > left;
     output->feedforward_Nm[i] += palp_clamp(change, -left, left);
-    const float forward = lift * output->feedforward_Nm[i];
+    const float forward = share * output->feedforward_Nm[i];
     const float fits = palp_clamp(forward, -limit_Nm - rest_Nm, limit_Nm - rest_Nm);
     *slewed = *slewed || palp_abs(fits - forward) > 0.0f;
     return fits;
@@ -54,26 +55,26 @@ static float feed_forward(palp_output *output, float wanted_Nm, float lift, floa
 static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
                            palp_vec3 force, const palp_output_request *request, float dt_s,
                            palp_output_result *r) {
-    float touch[PALP_AXES], lift[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
+    float contact[PALP_AXES], gravity[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
         slew[PALP_AXES] = {0.0f};
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
-    palp_pose_torques(pose, force, touch);
-    palp_device_compensate(device, pose, request->dq_rad_s, lift, friction);
+    palp_pose_torques(pose, force, contact);
+    palp_device_compensate(device, pose, request->dq_rad_s, gravity, friction);
     torque_slew(device, pose, dt_s, slew);
     for (uint32_t i = 0; i < axes; i++) {
-        touch[i] /= device->gear[i];
-        extra[i] = request->lift * lift[i] + request->friction * friction[i];
+        contact[i] /= device->gear[i];
+        extra[i] = request->gravity_share * gravity[i] + request->friction_share * friction[i];
         extra[i] = palp_clamp(extra[i] / device->gear[i], -limit, limit);
-        float room = touch[i] > 0.0f ? limit - extra[i] : limit + extra[i];
-        if (palp_abs(touch[i]) > room) share = palp_min(share, room / palp_abs(touch[i]));
+        float room = contact[i] > 0.0f ? limit - extra[i] : limit + extra[i];
+        if (palp_abs(contact[i]) > room) share = palp_min(share, room / palp_abs(contact[i]));
     }
     for (uint32_t i = 0; i < axes; i++) {
-        const float rest = share * touch[i] + extra[i],
+        const float rest = share * contact[i] + extra[i],
                     wanted = palp_clamp(request->feedforward_Nm[i], -limit, limit);
-        const float forward = feed_forward(output, wanted, request->lift, share * touch[i], rest,
-                                           limit, slew[i], i, &r->slewed);
-        r->contact_torque_Nm[i] = output->contact_torque_Nm[i] = share * touch[i];
+        const float forward = feed_forward(output, wanted, request->gravity_share,
+                                           share * contact[i], rest, limit, slew[i], i, &r->slewed);
+        r->contact_torque_Nm[i] = output->contact_torque_Nm[i] = share * contact[i];
         r->motor_torque_Nm[i] = palp_clamp(rest + forward, -limit, limit);
     }
     return share;

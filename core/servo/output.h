@@ -2,8 +2,8 @@
 /*
  * The output chain: finite -> norm limit -> energy limit (passivity.h) -> slew limit -> joint
  * torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes in, what
- * goes out is finite and within the device's limits. Feed-forward takes what the touch
- * leaves of the slew limit, so that their sum keeps to it.
+ * goes out is finite and within the device's limits. Feed-forward takes what the
+ * contact leaves of the slew limit, so that their sum keeps to it.
  */
 #ifndef PALP_SERVO_OUTPUT_H
 #define PALP_SERVO_OUTPUT_H
@@ -24,13 +24,14 @@ typedef struct {
     bool steady;                     /* see palp_passivity_share */
     float dq_rad_s[PALP_AXES];       /* of the joints, for the compensation */
     float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own */
-    float lift, friction; /* shares of the compensation, 0..1; lift also of feed-forward */
+    float gravity_share;             /* of gravity compensation and feed-forward, 0..1 */
+    float friction_share;            /* of friction compensation, 0..1 */
 } palp_output_request;
 
 typedef struct {
     palp_vec3 force_N; /* at the tip, after all limits, without compensation */
     float motor_torque_Nm[PALP_AXES];
-    float contact_torque_Nm[PALP_AXES]; /* of these, for the touch alone */
+    float contact_torque_Nm[PALP_AXES]; /* of these, for the contact alone */
     bool limited, slewed, braked;
     bool bad; /* something was not finite; force and torques are zero */
 } palp_output_result;

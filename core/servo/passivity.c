@@ -7,9 +7,9 @@
 #define ENDS 0.7f           /* and at which it is 0 */
 #define CERTAINLY_M_S 0.01f /* along the force, from which a motion counts in full */
 #define RISE_S 0.02f
-#define CUT 0.4f    /* share of a fall of gamma that sigma follows for good */
-#define LEAK 0.1f   /* of the largest deficit, that may leak */
-#define SOFTEN 0.1f /* of it, that softens by a factor of e */
+#define CUT 0.4f        /* share of a fall of gamma that sigma follows for good */
+#define LEAK 0.1f       /* of the largest deficit, that may leak */
+#define LEAK_PER_E 0.1f /* of it, that lowers sigma by a factor of e */
 
 palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_per_m,
                                                uint32_t delay, float dt_s, float lag_s) {
@@ -166,8 +166,8 @@ bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_confi
 
 /* Work of the motors in the last period beyond what the same force would have done continuously, by
  * the trapezoidal rule between the readings at its ends. */
-static void soften(palp_passivity *p, const palp_passivity_config *c,
-                   const float torque_Nm[PALP_AXES]) {
+static void lower_sigma(palp_passivity *p, const palp_passivity_config *c,
+                        const float torque_Nm[PALP_AXES]) {
     const float *before = p->sent_Nm[p->newest];
     const float allowed = LEAK * c->deficit_max_J;
     float leak = p->worked_J - p->swallowed_J;
@@ -175,12 +175,12 @@ static void soften(palp_passivity *p, const palp_passivity_config *c,
         leak -= 0.5f * (torque_Nm[i] + before[i]) * p->turned_rad[i];
     p->leak_J = palp_max(p->leak_J + leak, 0.0f);
     if (p->leak_J <= allowed) return;
-    p->sigma /= 1.0f + (p->leak_J - allowed) / (SOFTEN * c->deficit_max_J);
+    p->sigma /= 1.0f + (p->leak_J - allowed) / (LEAK_PER_E * c->deficit_max_J);
     p->leak_J = allowed;
 }
 
 void palp_passivity_sent(palp_passivity *p, const palp_passivity_config *config,
                          const float torque_Nm[PALP_AXES]) {
-    if (config != NULL && p->counted) soften(p, config, torque_Nm);
+    if (config != NULL && p->counted) lower_sigma(p, config, torque_Nm);
     push(p, torque_Nm);
 }

@@ -32,7 +32,7 @@ static uint32_t bus_faults(const palp_safety *s, uint32_t events) {
 
 static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
     uint32_t faults = 0;
-    if (!a->well || !a->enabled || !a->configured) faults |= PALP_FAULT_DRIVE;
+    if (!a->healthy || !a->enabled || !a->configured) faults |= PALP_FAULT_DRIVE;
     if (s->heartbeat_s > 0.0f && seconds(s, a->status_age) > PALP_HEARTBEATS * s->heartbeat_s)
         faults |= PALP_FAULT_HEARTBEAT;
     if (seconds(s, s->blind_ticks) >= PALP_LOST_S) faults |= PALP_FAULT_LOST;
@@ -47,7 +47,7 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
     bool impatient = seconds(s, s->state_ticks) > PALP_PATIENCE_S;
     /* Whatever state the drives were found in, what they say must be younger than the sequence. */
     uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
-    bool acting = a->enabled && a->well && a->status_age + settle < s->state_ticks;
+    bool acting = a->enabled && a->healthy && a->status_age + settle < s->state_ticks;
     switch (s->state) {
     case PALP_STATE_INIT:
         if (a->heard) enter(s, PALP_STATE_CONFIG_CHECK);
@@ -70,7 +70,7 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
     case PALP_STATE_ENABLING:
         if (acting && s->healthy_ticks > 0u)
             enter(s, PALP_STATE_RUN);
-        else if (impatient || (!a->well && seconds(s, s->state_ticks) > PALP_MEND_S))
+        else if (impatient || (!a->healthy && seconds(s, s->state_ticks) > PALP_MEND_S))
             s->faults |= PALP_FAULT_ENABLE; /* an error that one clearing does not mend */
         break;
     default:

@@ -260,8 +260,8 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
                                    .stored_J = r->stored_J,
                                    .damped_W = damped_W,
                                    .steady = gain >= 1.0f && s->seen,
-                                   .lift = gain,
-                                   .friction = fresh ? gain : 0.0f};
+                                   .gravity_share = gain,
+                                   .friction_share = fresh ? gain : 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         request.dq_rad_s[i] = r->joint_rad_s[i];
         request.feedforward_Nm[i] = in->feedforward_Nm[i];

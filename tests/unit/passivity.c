@@ -188,18 +188,18 @@ static void test_quiet(void) {
 static void test_state(void) {
     palp_safety s;
     palp_safety_init(&s, 0.001f, 0, true);
-    const palp_axes_health well = {
-        .heard = true, .configured = true, .well = true, .enabled = true, .homed = true};
-    for (int i = 0; i < 1000; i++) (void)palp_safety_tick(&s, 0, 1, &well);
+    const palp_axes_health healthy = {
+        .heard = true, .configured = true, .healthy = true, .enabled = true, .homed = true};
+    for (int i = 0; i < 1000; i++) (void)palp_safety_tick(&s, 0, 1, &healthy);
     const bool run = s.state == PALP_STATE_RUN;
     palp_safety_latch(&s, PALP_FAULT_ENERGY);
     const bool damping = s.state == PALP_STATE_DAMPING;
-    for (int i = 0; i < 1000; i++) (void)palp_safety_tick(&s, 0, 1, &well);
+    for (int i = 0; i < 1000; i++) (void)palp_safety_tick(&s, 0, 1, &healthy);
     CHECK(run && damping && s.state == PALP_STATE_DAMPING && s.faults == PALP_FAULT_ENERGY,
           "more energy given than allowed: DAMPING, with a fault that stays");
     palp_safety_latch(&s, PALP_FAULT_BUS);
     CHECK(s.state == PALP_STATE_FAULT, "another fault then is FAULT");
-    CHECK(palp_safety_tick(&s, PALP_EVENT_RESET, 1, &well) && s.state == PALP_STATE_INIT &&
+    CHECK(palp_safety_tick(&s, PALP_EVENT_RESET, 1, &healthy) && s.state == PALP_STATE_INIT &&
               s.faults == 0,
           "and a reset takes both away");
 }

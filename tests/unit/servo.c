@@ -59,8 +59,9 @@ static void test_feed_forward(void) {
         for (int i = 0; i < 3; i++) most[i] += pow((double)(torque[i] / d->gear[i]), 2);
     }
     for (int t = 0; t < 4000; t++) {
-        palp_output_request request = {
-            .force_N = {2.0f * sinf(0.01f * (float)t), 1, 3}, .lift = 1, .friction = 0};
+        palp_output_request request = {.force_N = {2.0f * sinf(0.01f * (float)t), 1, 3},
+                                       .gravity_share = 1,
+                                       .friction_share = 0};
         const float wanted = t / 500 % 2 == 1 ? 10.0f * limit : 0.3f * limit;
         for (int i = 0; i < 3; i++) request.feedforward_Nm[i] = (i == 1 ? -1.0f : 1.0f) * wanted;
         const palp_output_result r = palp_output_apply(&out, d, NULL, &pose, &request, 0.001f);

@@ -417,8 +417,8 @@ static bool better(const remesh_report *a, const remesh_report *b) {
 
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
             remesh_report *report) {
-    static const uint32_t ladder[] = {64, 80, 96, 128, 160, 220, 300, 420};
-    size_t tries = base_triangles > 0 ? 1 : sizeof ladder / sizeof ladder[0];
+    static const uint32_t targets[] = {64, 80, 96, 128, 160, 220, 300, 420};
+    size_t tries = base_triangles > 0 ? 1 : sizeof targets / sizeof targets[0];
     remesh_report r = {0}, best_report = {.flipped = UINT32_MAX, .max = HUGE_VAL};
     mesh best = {0};
     uint32_t cut = UINT32_MAX;
@@ -427,7 +427,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     mesh_require_closed(in, path);
     bvh *surface = bvh_build(in);
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
-        uint32_t target = base_triangles > 0 ? base_triangles : ladder[i];
+        uint32_t target = base_triangles > 0 ? base_triangles : targets[i];
         mesh dense = split_longest(in, target);
         simplified s = simplify(&dense, target);
         uint32_t crossing = self_intersection(&s.base);
