@@ -14,7 +14,7 @@
  *     tools without a device            palp_blob_open, palp_answer_memsize, palp_answer_init;
  *                                       then palp_answer_tick
  *     a multizone model                 palp_zones_open, palp_assembly_init,
- *                                       palp_answer_memsize_zones, palp_answer_init; then
+ *                                       palp_answer_memsize, palp_answer_init; then
  *                                       palp_answer_pose, palp_answer_tick, palp_answer_spare
  *     a dynamic body                    palp_tets_open, palp_dynamic_memsize, palp_dynamic_init;
  *                                       then palp_dynamic_tick

@@ -120,21 +120,27 @@ void palp_chol_forward_many(const float *r, size_t n, size_t stride, float *b, s
     }
 }
 
-void palp_subtract_product(float *c, size_t c_stride, const float *a, size_t a_stride,
-                           const float *b, size_t b_stride, size_t k, size_t n, size_t m,
-                           bool upper) {
-    const size_t width = 4u * TILE;
-    for (size_t i = 0; i < n; i += 2u) {
-        size_t rows = i + 1u < n ? 2u : 1u;
-        size_t j = upper ? i / width * width : 0u;
-        for (; rows == 2u && j + width <= m; j += width)
-            subtract_tile(c + i * c_stride + j, c_stride, a + i, a_stride, b + j, b_stride, k);
-        for (size_t row = i; row < i + rows && j < m; row++) {
-            for (size_t e = 0; e < k; e++)
-                axpy_minus(c + row * c_stride + j, b + e * b_stride + j, a[e * a_stride + row],
-                           m - j);
-        }
+/* Row i of C, and the one below it, from column j on. */
+static void subtract_rows(float *c, size_t c_stride, const palp_product *p, size_t i, size_t j) {
+    const size_t rows = i + 1u < p->n ? 2u : 1u;
+    for (; rows == 2u && j + 4u * TILE <= p->m; j += 4u * TILE)
+        subtract_tile(c + i * c_stride + j, c_stride, p->a + i, p->a_stride, p->b + j, p->b_stride,
+                      p->k);
+    for (size_t row = i; row < i + rows && j < p->m; row++) {
+        for (size_t e = 0; e < p->k; e++)
+            axpy_minus(c + row * c_stride + j, p->b + e * p->b_stride + j,
+                       p->a[e * p->a_stride + row], p->m - j);
     }
+}
+
+void palp_subtract_product(float *c, size_t c_stride, const palp_product *product) {
+    for (size_t i = 0; i < product->n; i += 2u) subtract_rows(c, c_stride, product, i, 0u);
+}
+
+void palp_subtract_product_upper(float *c, size_t c_stride, const palp_product *product) {
+    const size_t width = 4u * TILE;
+    for (size_t i = 0; i < product->n; i += 2u)
+        subtract_rows(c, c_stride, product, i, i / width * width);
 }
 
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride) {

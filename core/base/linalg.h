@@ -41,11 +41,17 @@ void palp_chol_backward(const float *r, size_t n, size_t stride, float *b);
 void palp_chol_forward_many(const float *r, size_t n, size_t stride, float *b, size_t m,
                             size_t b_stride);
 
-/* C -= A^T B for c (n x m), a (k x n), b (k x m); with `upper` only tiles that hold part of the
- * upper triangle of C are sure to be. k n m, or about half. */
-void palp_subtract_product(float *c, size_t c_stride, const float *a, size_t a_stride,
-                           const float *b, size_t b_stride, size_t k, size_t n, size_t m,
-                           bool upper);
+/* A^T B for a (k x n) and b (k x m). */
+typedef struct {
+    const float *a, *b;
+    size_t a_stride, b_stride;
+    size_t k, n, m;
+} palp_product;
+
+/* C -= A^T B for c (n x m); and the same where only tiles that hold part of the upper triangle of C
+ * are sure to be right. k n m, or about half. */
+void palp_subtract_product(float *c, size_t c_stride, const palp_product *product);
+void palp_subtract_product_upper(float *c, size_t c_stride, const palp_product *product);
 
 /*
  * P A = L U in place, row swaps in perm[n]. PALP_ERR_SINGULAR when a pivot falls below

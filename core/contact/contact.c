@@ -178,8 +178,7 @@ bool palp_contact_fill(palp_contact *contact) {
         .frame = c->frame != NULL ? c->frame + first : NULL,
         .beyond = pair || c->assembly == NULL ? NULL : (const uint32_t *const *)c->beyond,
         .tool = tool,
-        .other = pair ? &c->surface[patch->other] : NULL,
-        .other_frame = pair ? &c->frame[patch->other] : NULL,
+        .other = {pair ? &c->surface[patch->other] : NULL, pair ? &c->frame[patch->other] : NULL},
         .facing = pair ? palp_contact_other_triangle(c, patch) : 0u,
         .size_m = size_of(c, patch),
         .reach_m =

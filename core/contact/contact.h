@@ -202,11 +202,20 @@ typedef struct {
 palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes);
 palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes);
 
-/*
- * Bytes for contact with `tools` tools on levels up to `finest`: of this blob; and of any blob that
- * is not a multizone model, as a constant for static memory. 0 for a `finest` that is no level or
- * too many tools.
- */
+/* What touches what; pointers are kept. */
+typedef struct {
+    const palp_blob *blob;   /* one body at rest, with a regular part; or: */
+    palp_assembly *assembly; /* zones with a regular part each, posed and settled before a tick
+                                begins; NULL: the blob */
+    bool pairs;              /* the zones touch each other */
+    const palp_tool *tools;  /* [tool_count], as palp_tool_is_sound */
+    uint32_t tool_count;     /* 1 to PALP_CONTACT_TOOLS */
+    uint32_t finest;         /* level that memory is there for, below PALP_CONTACT_LEVELS */
+} palp_contact_config;
+
+/* Bytes for contact: by this config, 0 where it is out of range; and with so many tools on any blob
+ * that is not a multizone model, as a constant for static memory. */
+size_t palp_contact_memsize(const palp_contact_config *config);
 #define PALP_CONTACT_SIDES(finest) ((finest) < 3u ? 24u : (finest) == 3u ? 64u : 128u)
 #define PALP_CONTACT_BYTES(tools, finest)                                                          \
     (sizeof(palp_surface) +                                                                        \
@@ -214,22 +223,11 @@ palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes);
      PALP_CONTACT_SIDES(finest) * (2u * sizeof(palp_contact_point) + 4u * PALP_MAX_MODES + 240u +  \
                                    8u * PALP_CONTACT_SIDES(finest)) +                              \
      7168u)
-size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
 
-/* Errors: ARGUMENT (no regular part, unsound tools, none or too many), LIMITS (finest), ALIGNMENT,
- * MEMORY. Tools and blob are kept by reference; starts on the finest level. */
-palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
-                              uint32_t tool_count, uint32_t finest, void *memory, size_t bytes);
-
-/*
- * The same on the zones of an assembly, held by reference, with contact between them if `pairs`.
- * The assembly is posed and settled before a tick begins.
- */
-size_t palp_contact_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
-                                  uint32_t finest);
-palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
-                                    const palp_tool *tools, uint32_t tool_count, uint32_t finest,
-                                    void *memory, size_t bytes);
+/* Starts on the finest level. Errors: ARGUMENT (no regular part, unsound tools, none or too many),
+ * LIMITS (finest), MEMORY, ALIGNMENT. */
+palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *config,
+                              void *memory, size_t bytes);
 
 /* Whether anything was touched in the last tick, or near enough to be. */
 bool palp_contact_near(const palp_contact *contact);

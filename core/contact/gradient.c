@@ -9,7 +9,7 @@
  * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c. An axis that
  * follows slowly, between regions apart, is taken to stay.
  *
- * All this is seen from the surface as the body as a whole has given way, by h (given.h), which
+ * All this is seen from the surface as the body as a whole has given way, by h (far_field.h), which
  * follows the tool, so only (1 - dh/dc) of the tool's way counts. With the force F along n on a
  * contact d deep
  *

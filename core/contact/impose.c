@@ -33,30 +33,31 @@ static float extent(const palp_tool *t) {
     return far + t->pad.half_m[0] + t->pad.half_m[1] + t->pad.edge_m;
 }
 
-palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *adapt,
-                             const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
-                             uint32_t max_points, void *memory, size_t bytes) {
-    palp_impose p = {.dyna = dyna,
-                     .adapt = adapt,
-                     .tools = tools,
-                     .tool_count = tool_count,
-                     .max_points = max_points};
+palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *config, void *memory,
+                             size_t bytes) {
+    const palp_impose_config *c = config;
+    const palp_tets *tets = c->dyna->tets;
+    palp_impose p = {.dyna = c->dyna,
+                     .adapt = c->adapt,
+                     .tools = c->tools,
+                     .tool_count = c->tool_count,
+                     .max_points = c->max_points};
     palp_arena a = {memory, 0};
-    if (tool_count == 0u || tool_count > PALP_CONTACT_TOOLS || max_points == 0u ||
-        max_points > PALP_MAX_NODES)
+    if (c->tool_count == 0u || c->tool_count > PALP_CONTACT_TOOLS || c->max_points == 0u ||
+        c->max_points > PALP_MAX_NODES)
         return PALP_ERR_ARGUMENT;
-    for (uint32_t t = 0; t < tool_count; t++) {
-        if (!palp_tool_is_sound(&tools[t]) || !palp_vec3_is_finite(at_m[t]))
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        if (!palp_tool_is_sound(&c->tools[t]) || !palp_vec3_is_finite(c->at_m[t]))
             return PALP_ERR_ARGUMENT;
-        p.reach_m[t] = extent(&tools[t]);
-        p.size_m[t] = palp_tool_size(&tools[t]);
-        p.from_m[t] = p.to_m[t] = at_m[t];
+        p.reach_m[t] = extent(&c->tools[t]);
+        p.size_m[t] = palp_tool_size(&c->tools[t]);
+        p.from_m[t] = p.to_m[t] = c->at_m[t];
     }
     const palp_status status =
-        palp_check_block(memory, bytes, palp_impose_memsize(dyna->tets, max_points));
+        palp_check_block(memory, bytes, palp_impose_memsize(tets, c->max_points));
     if (status != PALP_OK) return status;
-    lay_out(&p, dyna->tets, &a);
-    for (uint32_t i = 0; i < dyna->tets->meta->skin; i++) p.pressed[i] = 0;
+    lay_out(&p, tets, &a);
+    for (uint32_t i = 0; i < tets->meta->skin; i++) p.pressed[i] = 0;
     *impose = p;
     return PALP_OK;
 }

@@ -50,11 +50,19 @@ typedef struct {
 
 size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_points);
 
-/* Tools are kept by reference; they begin at at_m. Errors: ARGUMENT (an unsound tool, none or too
- * many, no points), ALIGNMENT, MEMORY. */
-palp_status palp_impose_init(palp_impose *impose, palp_dyna *dyna, palp_adapt *adapt,
-                             const palp_tool *tools, uint32_t tool_count, const palp_vec3 *at_m,
-                             uint32_t max_points, void *memory, size_t bytes);
+/* Pointers are kept, but for at_m. */
+typedef struct {
+    palp_dyna *dyna;
+    palp_adapt *adapt;      /* NULL: families near a tool are not held */
+    const palp_tool *tools; /* [tool_count], as palp_tool_is_sound */
+    uint32_t tool_count;    /* 1 to PALP_CONTACT_TOOLS */
+    const palp_vec3 *at_m;  /* [tool_count] where they begin */
+    uint32_t max_points;    /* at least 1 */
+} palp_impose_config;
+
+/* Errors: ARGUMENT (an unsound tool, none or too many, no points), MEMORY, ALIGNMENT. */
+palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *config, void *memory,
+                             size_t bytes);
 
 /* Tools are to be at to_m[tool_count] at the end of this tick. Vertices near a tool beyond the
  * narrow-phase tests there are, or the points, are counted in overflow. Cost: 40 per skin vertex,

@@ -13,7 +13,7 @@ bool palp_lattice_is_flat(const palp_tool *tool) {
 /* Between two bodies each shot crosses the triangles of both. */
 static uint32_t crossings_of(const palp_lattice_room *r) {
     const uint32_t crossings = PALP_LATTICE_CROSSINGS(r->most);
-    return r->other != NULL ? PALP_LATTICE_BETWEEN * crossings : crossings;
+    return r->other.surface != NULL ? PALP_LATTICE_BETWEEN * crossings : crossings;
 }
 
 /* The longest mean edge. */
@@ -53,7 +53,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     l->went = (palp_vec3){0};
     l->grew = 0.0f;
     start_filling(&a, l, r, *r->count);
-    const uint32_t crossings = r->other != NULL ? crossings_of(r) : PALP_LATTICE_MEASURE;
+    const uint32_t crossings = r->other.surface != NULL ? crossings_of(r) : PALP_LATTICE_MEASURE;
     a.crossings = crossings;
     palp_lattice_visit(&a, PALP_LATTICE_TO_MEASURE);
     r->done->fillings++;

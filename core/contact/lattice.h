@@ -26,6 +26,7 @@
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H
 
+#include "core/contact/facing.h"
 #include "core/contact/far_field.h"
 #include "core/contact/tool.h"
 #include "core/surface/surface.h"
@@ -124,8 +125,7 @@ typedef struct {
     const uint32_t *const *beyond; /* [bodies][triangles][3] across seams: body << 24 | triangle;
                                       PALP_NONE elsewhere; NULL: none */
     const palp_tool *tool;
-    const palp_surface *other; /* what presses instead of a tool; NULL: a tool */
-    const palp_frame *other_frame;
+    palp_facing_body other;    /* what presses instead of a tool; without a surface: a tool */
     uint32_t facing;           /* a triangle of it near where the two meet */
     float size_m;              /* of what presses: palp_tool_size */
     float reach_m;             /* within which nodes are visited: palp_lattice_reach */

@@ -30,11 +30,11 @@ typedef struct {
 
 /* Of two bodies the lattice is that of a tool that is neither. */
 static inline bool palp_lattice_central(const palp_lattice_room *r) {
-    return r->other == NULL && palp_lattice_is_central(r->tool);
+    return r->other.surface == NULL && palp_lattice_is_central(r->tool);
 }
 
 static inline bool palp_lattice_flat(const palp_lattice_room *r) {
-    return r->other == NULL && palp_lattice_is_flat(r->tool);
+    return r->other.surface == NULL && palp_lattice_is_flat(r->tool);
 }
 
 static inline const palp_surface *palp_lattice_surface(const palp_lattice_room *r, uint32_t body) {

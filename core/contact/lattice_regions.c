@@ -243,7 +243,7 @@ void palp_lattice_visit(palp_lattice_filling *f, palp_lattice_purpose of) {
     visit v = {.of = of, .c = f->moved_m, .bent_within_m = -1e30f};
     if (of == PALP_LATTICE_TO_MEASURE && r->surface[0].assembly != NULL)
         v.bent_within_m = (1.0f - f->l->narrowed) * r->size_m;
-    if (r->other != NULL) v.c = palp_add(v.c, f->l->at.origin_m);
+    if (r->other.surface != NULL) v.c = palp_add(v.c, f->l->at.origin_m);
     for (uint32_t b = 0; b < r->bodies; b++) {
         const uint32_t body = r->first_body + b;
         const palp_blob *blob = palp_lattice_surface(r, body)->blob;

@@ -27,11 +27,11 @@ palp_vec3 palp_lattice_beside(const palp_lattice_filling *f, palp_vec3 y, float 
 static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
     const palp_lattice_room *r = f->r;
     f->r->done->evaluations++;
-    if (r->other == NULL) return palp_tool_gap(r->tool, f->moved_m, y);
+    if (r->other.surface == NULL) return palp_tool_gap(r->tool, f->moved_m, y);
     const palp_vec3 x = palp_add(y, palp_sub(r->tool_m, f->moved_m));
     uint32_t hint[2] = {f->l->facing, r->facing};
     r->done->shots++;
-    palp_gap gap = palp_facing_gap(r->other, r->other_frame, x, f->l->at.axis, &f->crossings, hint);
+    palp_gap gap = palp_facing_gap(&r->other, x, f->l->at.axis, &f->crossings, hint);
     f->l->facing = hint[0];
     return gap;
 }

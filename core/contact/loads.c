@@ -1,13 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/loads.h"
 
-typedef struct {
-    const palp_blob *blob;
-    palp_load *load;
-    uint32_t count, capacity;
-} list;
-
-static void add(list *l, uint32_t slot, palp_vec3 force) {
+static void add(palp_load_list *l, const palp_blob *blob, uint32_t slot, palp_vec3 force) {
     uint32_t i = 0;
     /* at most capacity */
     while (i < l->count && l->load[i].at.slot != slot) i++;
@@ -17,15 +11,15 @@ static void add(list *l, uint32_t slot, palp_vec3 force) {
     }
     if (i == l->count)
         l->load[l->count++] =
-            (palp_load){.at = {l->blob->meta->constraint_level, slot}, .force_N = {0}};
+            (palp_load){.at = {blob->meta->constraint_level, slot}, .force_N = {0}};
     l->load[i].force_N = palp_add(l->load[i].force_N, force);
 }
 
 /* Replaces the loads from `first` on that are finer than the constraint level by their parents'.
  * A parent has a lower slot than its child, so each pass takes them up by a level at least. */
-static void raise(list *l, uint32_t first) {
-    const palp_domain *d = &l->blob->domain[PALP_FREE];
-    const uint32_t nodes = l->blob->level[l->blob->meta->constraint_level].nodes;
+static void raise(palp_load_list *l, const palp_blob *blob, uint32_t first) {
+    const palp_domain *d = &blob->domain[PALP_FREE];
+    const uint32_t nodes = blob->level[blob->meta->constraint_level].nodes;
     uint32_t i = first;
     /* at most levels + 1 times the loads */
     while (i < l->count) {
@@ -37,18 +31,17 @@ static void raise(list *l, uint32_t first) {
         l->load[i] = l->load[--l->count];
         for (uint32_t k = 0; k < 2u; k++) {
             if (d->predict[2u * fine.at.slot + k] > 0.0f)
-                add(l, d->parent[2u * fine.at.slot + k], palp_scale(0.5f, fine.force_N));
+                add(l, blob, d->parent[2u * fine.at.slot + k], palp_scale(0.5f, fine.force_N));
         }
     }
 }
 
-uint32_t palp_contact_loads(const palp_contact *contact, uint32_t patch, uint32_t body,
-                            palp_vec3 friction_N, palp_load *load, uint32_t count,
-                            uint32_t capacity) {
+void palp_contact_loads(const palp_contact *contact, uint32_t patch, uint32_t body,
+                        palp_vec3 friction_N, palp_load_list *list) {
     const palp_contact *c = contact;
     const palp_contact_patch *of = &c->patch[patch];
     const palp_blob *b = c->surface[body].blob;
-    list l = {b, load, count, capacity};
+    const uint32_t first = list->count;
     const palp_contact_point *point = c->solved ? c->point : c->before;
     const palp_contact_facing *facing = c->solved ? c->facing : c->facing_before;
     const uint32_t points = c->solved ? c->count : c->count_before;
@@ -63,9 +56,8 @@ uint32_t palp_contact_loads(const palp_contact *contact, uint32_t patch, uint32_
         for (uint32_t q = 0; q < 3u; q++) {
             uint32_t node = b->triangle[3u * at->triangle + q];
             if (palp_node_is_fixed(b, node)) continue;
-            add(&l, palp_node_slot(b, node), palp_scale(at->weight[q], force));
+            add(list, b, palp_node_slot(b, node), palp_scale(at->weight[q], force));
         }
     }
-    raise(&l, count);
-    return l.count;
+    raise(list, b, first);
 }

@@ -94,93 +94,71 @@ static void lay_out(palp_contact *c, palp_arena *arena) {
     c->answer = palp_take(arena, 2u * width, sizeof(float));
 }
 
-/* All but what lies in memory: of a blob with so many modes, or of an assembly. */
-static void describe(palp_contact *c, palp_assembly *assembly, bool pairs, uint32_t modes,
-                     uint32_t tool_count, uint32_t finest) {
+static uint32_t modes_of(const palp_contact_config *config) {
+    const palp_blob *blob = config->assembly != NULL ? config->assembly->zones->blob : config->blob;
+    return blob->regular.modes;
+}
+
+/* All but what lies in memory. */
+static void describe(palp_contact *c, const palp_contact_config *config) {
+    palp_assembly *assembly = config->assembly;
+    const bool pairs = assembly != NULL && config->pairs;
     *c = (palp_contact){.assembly = assembly,
                         .pairs = pairs,
                         .bodies = assembly != NULL ? assembly->zones->meta->zones : 1u,
-                        .patches = tool_count + (pairs ? PALP_CONTACT_PAIRS : 0u),
-                        .tool_count = tool_count,
-                        .modes = modes,
-                        .now = finest};
-    c->room = room_of(c, finest);
-    c->level = palp_contact_level_at(c, finest);
+                        .patches = config->tool_count + (pairs ? PALP_CONTACT_PAIRS : 0u),
+                        .tools = config->tools,
+                        .tool_count = config->tool_count,
+                        .modes = modes_of(config),
+                        .now = config->finest};
+    c->room = room_of(c, config->finest);
+    c->level = palp_contact_level_at(c, config->finest);
 }
 
-static uint32_t modes_of(const palp_assembly *a) { return a->zones->blob[0].regular.modes; }
-
-size_t palp_contact_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
+size_t palp_contact_memsize(const palp_contact_config *config) {
     palp_arena arena = {0};
     palp_contact c;
-    if (finest >= PALP_CONTACT_LEVELS || tool_count > PALP_CONTACT_TOOLS) return 0;
-    describe(&c, NULL, false, blob->regular.modes, tool_count, finest);
+    if (config->finest >= PALP_CONTACT_LEVELS || config->tool_count > PALP_CONTACT_TOOLS) return 0;
+    describe(&c, config);
     lay_out(&c, &arena);
     return arena.used;
 }
 
-size_t palp_contact_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
-                                  uint32_t finest) {
-    palp_arena arena = {0};
-    palp_contact c;
-    if (finest >= PALP_CONTACT_LEVELS || tool_count > PALP_CONTACT_TOOLS) return 0;
-    describe(&c, (palp_assembly *)(uintptr_t)assembly, pairs, modes_of(assembly), tool_count,
-             finest);
-    lay_out(&c, &arena);
-    return arena.used;
-}
-
-static palp_status check(const palp_tool *tools, uint32_t tool_count, const void *memory,
-                         size_t bytes, size_t need) {
-    if (tool_count < 1u || tool_count > PALP_CONTACT_TOOLS) return PALP_ERR_ARGUMENT;
-    for (uint32_t t = 0; t < tool_count; t++) {
-        if (!palp_tool_is_sound(&tools[t])) return PALP_ERR_ARGUMENT;
+static palp_status check(const palp_contact_config *config) {
+    if (config->finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
+    const palp_assembly *a = config->assembly;
+    for (uint32_t i = 0; i < (a != NULL ? a->zones->meta->zones : 1u); i++) {
+        palp_surface surface;
+        const palp_status status = a != NULL ? palp_surface_open_zone(&surface, config->assembly, i)
+                                             : palp_surface_open(&surface, config->blob);
+        if (status != PALP_OK) return status;
+        if (surface.blob->regular.modes != modes_of(config)) return PALP_ERR_ARGUMENT;
     }
-    return palp_check_block(memory, bytes, need);
-}
-
-palp_status palp_contact_init(palp_contact *contact, const palp_blob *blob, const palp_tool *tools,
-                              uint32_t tool_count, uint32_t finest, void *memory, size_t bytes) {
-    palp_contact *c = contact;
-    palp_arena arena = {.base = memory};
-    palp_surface surface;
-    if (finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
-    palp_status status = palp_surface_open(&surface, blob);
-    if (status != PALP_OK) return status;
-    status =
-        check(tools, tool_count, memory, bytes, palp_contact_memsize(blob, tool_count, finest));
-    if (status != PALP_OK) return status;
-    describe(c, NULL, false, blob->regular.modes, tool_count, finest);
-    c->tools = tools;
-    lay_out(c, &arena);
-    c->surface[0] = surface;
-    palp_contact_forget_nodes(c);
-    palp_contact_clear(c);
+    if (config->tool_count < 1u || config->tool_count > PALP_CONTACT_TOOLS)
+        return PALP_ERR_ARGUMENT;
+    for (uint32_t t = 0; t < config->tool_count; t++) {
+        if (!palp_tool_is_sound(&config->tools[t])) return PALP_ERR_ARGUMENT;
+    }
     return PALP_OK;
 }
 
-palp_status palp_contact_init_zones(palp_contact *contact, palp_assembly *assembly, bool pairs,
-                                    const palp_tool *tools, uint32_t tool_count, uint32_t finest,
-                                    void *memory, size_t bytes) {
+palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *config,
+                              void *memory, size_t bytes) {
     palp_contact *c = contact;
     palp_arena arena = {.base = memory};
-    if (finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
-    for (uint32_t i = 0; i < assembly->zones->meta->zones; i++) {
-        palp_surface surface;
-        palp_status status = palp_surface_open_zone(&surface, assembly, i);
-        if (status != PALP_OK) return status;
-        if (surface.blob->regular.modes != modes_of(assembly)) return PALP_ERR_ARGUMENT;
-    }
-    palp_status status = check(tools, tool_count, memory, bytes,
-                               palp_contact_memsize_zones(assembly, pairs, tool_count, finest));
+    palp_status status = check(config);
     if (status != PALP_OK) return status;
-    describe(c, assembly, pairs, modes_of(assembly), tool_count, finest);
-    c->tools = tools;
+    status = palp_check_block(memory, bytes, palp_contact_memsize(config));
+    if (status != PALP_OK) return status;
+    describe(c, config);
     lay_out(c, &arena);
-    for (uint32_t i = 0; i < c->bodies; i++)
-        (void)palp_surface_open_zone(&c->surface[i], assembly, i);
-    c->frame = assembly->world;
-    palp_contact_open_patches(c);
+    for (uint32_t i = 0; i < c->bodies && c->assembly != NULL; i++)
+        (void)palp_surface_open_zone(&c->surface[i], c->assembly, i);
+    if (c->assembly == NULL) (void)palp_surface_open(&c->surface[0], config->blob);
+    if (c->assembly != NULL) {
+        c->frame = c->assembly->world;
+        palp_contact_open_patches(c);
+    }
     palp_contact_forget_nodes(c);
     palp_contact_clear(c);
     return PALP_OK;

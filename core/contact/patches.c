@@ -207,7 +207,8 @@ static bool lies_in(palp_contact *c, encounter *e) {
     e->before = nearest;
     const palp_vec3 apart = palp_sub(m, n);
     e->axis = palp_scale(1.0f / palp_norm(apart), apart);
-    palp_gap gap = palp_facing_gap(other, there, palp_add(x, e->bent_m), e->axis, &crossings, hint);
+    palp_gap gap = palp_facing_gap(&(palp_facing_body){other, there}, palp_add(x, e->bent_m),
+                                   e->axis, &crossings, hint);
     c->filled.shots++;
     c->filled.crossings += PALP_SURFACE_CROSSINGS - crossings;
     c->filled.bent += 2u;

@@ -121,8 +121,9 @@ static void meet(palp_contact *c, uint32_t i) {
     palp_vec3 x = palp_add(p->y, palp_add(far_field->mean_m, beside));
     palp_vec3 m = palp_scale(-1.0f, p->n);
     z->at.body = patch->other;
-    z->found = palp_facing_find(&c->surface[patch->other], &c->frame[patch->other], x,
-                                patch->lattice.used.axis, &crossings, hint, &z->at);
+    z->found =
+        palp_facing_find(&(palp_facing_body){&c->surface[patch->other], &c->frame[patch->other]}, x,
+                         patch->lattice.used.axis, &crossings, hint, &z->at);
     if (z->found) m = palp_add(m, palp_contact_outward(c, patch->other, z->at.n));
     p->out = palp_scale(1.0f / palp_max(palp_norm(m), 1e-6f), m);
     z->m = palp_scale(-1.0f, palp_contact_inward(c, patch->other, p->out));

@@ -46,22 +46,8 @@ float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
            palp_contact_cost_patches(cost) + fill_all(cost, l, cost->pairs);
 }
 
-size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest) {
-    return palp_contact_memsize(blob, tool_count, finest);
-}
-
-size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
-                                 uint32_t finest) {
-    return palp_contact_memsize_zones(assembly, pairs, tool_count, finest);
-}
-
-static palp_status open_contact(palp_answer *a, void *memory, size_t bytes) {
-    const palp_answer_config *c = &a->config;
-    if (c->assembly == NULL)
-        return palp_contact_init(&a->contact, c->blob, c->tools, c->tool_count, c->finest, memory,
-                                 bytes);
-    return palp_contact_init_zones(&a->contact, c->assembly, c->pairs, c->tools, c->tool_count,
-                                   c->finest, memory, bytes);
+size_t palp_answer_memsize(const palp_contact_config *contact) {
+    return palp_contact_memsize(contact);
 }
 
 static float share_ns(const palp_answer *a) {
@@ -79,12 +65,14 @@ static void find_bounds(palp_answer *a) {
     const palp_answer_config *c = &a->config;
     const palp_prices ns = palp_prices_of(&c->cost);
     float moving_ns = 0.0f;
-    if (c->assembly == NULL) {
-        a->bound = palp_contact_cost_of(c->blob, c->tools, c->tool_count, &ns);
+    if (c->contact.assembly == NULL) {
+        a->bound =
+            palp_contact_cost_of(c->contact.blob, c->contact.tools, c->contact.tool_count, &ns);
     } else {
-        a->bound = palp_contact_cost_of_zones(c->assembly, c->pairs, c->tools, c->tool_count, &ns);
+        a->bound = palp_contact_cost_of_zones(c->contact.assembly, c->contact.pairs,
+                                              c->contact.tools, c->contact.tool_count, &ns);
         palp_moving_init(&a->moving, &a->contact, &ns, c->dt_s, share_ns(a),
-                         palp_contact_cost_level(&a->bound, c->finest).contacts);
+                         palp_contact_cost_level(&a->bound, c->contact.finest).contacts);
         moving_ns = palp_moving_least(&a->moving);
         on_seams(a, &a->moving.seam_cost[PALP_SEAM_LEVELS]);
     }
@@ -97,8 +85,8 @@ static void find_bounds(palp_answer *a) {
 /* What an answer on level l takes more with seams that serve well, instead of approximate ones: a
  * finer level of contact is not worth their loss. */
 static float seams_ns(palp_answer *a, uint32_t l) {
-    if (a->config.assembly == NULL) return 0.0f;
-    const uint32_t finest = a->config.assembly->seams.finest;
+    if (a->config.contact.assembly == NULL) return 0.0f;
+    const uint32_t finest = a->config.contact.assembly->seams.finest;
     const uint32_t wanted = finest < SEAMS_WANTED ? finest : SEAMS_WANTED;
     float least = palp_moving_least(&a->moving) + palp_answer_cost_least(&a->bound, l);
     on_seams(a, &a->moving.seam_cost[wanted]);
@@ -115,12 +103,12 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
                  config->cost.target->instructions.of[PALP_WORK_COMPLIANCE] > 0.0f;
     if (!sound) return PALP_ERR_ARGUMENT;
     *a = (palp_answer){.config = *config, .calm_wanted = 1};
-    palp_status status = open_contact(a, memory, bytes);
+    palp_status status = palp_contact_init(&a->contact, &config->contact, memory, bytes);
     if (status != PALP_OK) return status;
     find_bounds(a);
     if (bound_ns != NULL) *bound_ns = a->least_ns[0];
     if (a->least_ns[0] > share_ns(a)) return PALP_ERR_BUDGET;
-    for (uint32_t l = 1; l <= config->finest; l++) {
+    for (uint32_t l = 1; l <= config->contact.finest; l++) {
         if (a->least_ns[l] + seams_ns(a, l) <= share_ns(a)) a->limit = l;
     }
     a->contact.now = a->limit;
@@ -131,8 +119,8 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
 void palp_answer_reset(palp_answer *answer) {
     palp_answer *a = answer;
     palp_contact_clear(&a->contact);
-    if (a->config.assembly != NULL) {
-        palp_assembly_calm(a->config.assembly);
+    if (a->config.contact.assembly != NULL) {
+        palp_assembly_calm(a->config.contact.assembly);
         a->moving.finer = false;
         a->moving.barred = PALP_NONE;
     }
@@ -188,7 +176,7 @@ static void choose_level(palp_answer *a) {
  */
 static bool bridges(palp_answer *a) {
     bool pressing = false;
-    for (uint32_t t = 0; t < a->config.tool_count; t++)
+    for (uint32_t t = 0; t < a->config.contact.tool_count; t++)
         pressing = pressing || (a->coupling.tool[t].touching && a->contact.normal_N[t] > 0.0f);
     return pressing && a->missed++ < MISSES;
 }
@@ -294,7 +282,7 @@ static float doubt(palp_answer *a, const palp_coupling_result *result, bool held
         const float *error = a->contact.surface[b].blob->regular.level_error;
         share = palp_max(share, error != NULL ? error[2u * a->contact.now + 1u] : UNKNOWN);
     }
-    for (uint32_t t = 0; t < a->config.tool_count; t++) {
+    for (uint32_t t = 0; t < a->config.contact.tool_count; t++) {
         if (!held) a->solved_N[t] = result[t].force_N;
         float changed = palp_norm(palp_sub(result[t].force_N, a->solved_N[t]));
         most = palp_max(most, share * palp_norm(result[t].force_N) + 0.5f * changed);
@@ -316,16 +304,16 @@ static void keep_up(palp_answer *a) {
 }
 
 void palp_answer_pose(palp_answer *answer, const float *value, const palp_frame *root) {
-    palp_assembly_pose(answer->config.assembly, value, root);
+    palp_assembly_pose(answer->config.contact.assembly, value, root);
 }
 
 void palp_answer_spare(palp_answer *answer) {
     const palp_deadline d = deadline_of(answer);
-    if (answer->config.assembly != NULL) palp_moving_spare(&answer->moving, &d);
+    if (answer->config.contact.assembly != NULL) palp_moving_spare(&answer->moving, &d);
 }
 
 uint64_t palp_answer_work(const palp_answer *answer) {
-    const palp_assembly *a = answer->config.assembly;
+    const palp_assembly *a = answer->config.contact.assembly;
     return answer->contact.work_done + (a != NULL ? a->seams.work_done : 0u);
 }
 
@@ -336,7 +324,7 @@ void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *d
     palp_answer_report r = {.flags = 0};
     a->start_ns = start_ns;
     choose_level(a);
-    if (a->config.assembly != NULL) {
+    if (a->config.contact.assembly != NULL) {
         keep_up(a);
         r.moving = a->moving.report;
     }

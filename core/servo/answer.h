@@ -27,16 +27,10 @@
 #define PALP_ANSWER_ITERATIONS 3u /* of the active set for which there is always time */
 
 typedef struct {
-    const palp_blob *blob; /* with a regular part; kept by reference */
-    palp_assembly
-        *assembly;          /* of zones with a regular part each, instead of a blob; by reference */
-    bool pairs;             /* its zones touch each other */
-    const palp_tool *tools; /* kept by reference */
-    uint32_t tool_count;
-    uint32_t finest; /* level, below PALP_CONTACT_LEVELS */
+    palp_contact_config contact;
     palp_cost_table cost;
     palp_port port;
-    float dt_s;
+    float dt_s;                /* above 0 */
     float before_ns, after_ns; /* of the period: what the caller does before and after the answer */
 } palp_answer_config;
 
@@ -65,12 +59,10 @@ typedef struct {
     bool shortened; /* did less than it would have with more time */
 } palp_answer_report;
 
-/* Bytes for the answer: of a body (of any body, for static memory: PALP_ANSWER_BYTES), and of a
- * multizone model. 0 for a `finest` that is no level or too many tools. */
+/* Bytes for the answer: by what it touches (palp_contact_memsize); and on any body, as a constant
+ * for static memory. */
+size_t palp_answer_memsize(const palp_contact_config *contact);
 #define PALP_ANSWER_BYTES(tools, finest) PALP_CONTACT_BYTES(tools, finest)
-size_t palp_answer_memsize(const palp_blob *blob, uint32_t tool_count, uint32_t finest);
-size_t palp_answer_memsize_zones(const palp_assembly *assembly, bool pairs, uint32_t tool_count,
-                                 uint32_t finest);
 
 /*
  * Errors: those of palp_contact_init; ARGUMENT also for an unsound cost table, a target without

@@ -111,19 +111,19 @@ static void take_frame(palp_device_axes *axes, const palp_device *device,
     counters->rejected++;
 }
 
-void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t periods,
-                    const palp_can_frame *frames, uint32_t count, bool strict,
+void palp_axes_take(palp_device_axes *axes, const palp_device *device, const palp_axes_input *input,
                     palp_counters *counters) {
     const float dt_s = 1.0f / device->drives.rate_hz;
     for (uint32_t i = 0; i < axes->count; i++) {
-        palp_joint_age(&axes->joint[i], periods, dt_s);
-        axes->drive[i].status_age += periods - 1u;
+        palp_joint_age(&axes->joint[i], input->periods, dt_s);
+        axes->drive[i].status_age += input->periods - 1u;
     }
-    for (uint32_t f = 0; f < count; f++) take_frame(axes, device, &frames[f], strict, counters);
+    for (uint32_t f = 0; f < input->count; f++)
+        take_frame(axes, device, &input->frames[f], input->strict, counters);
     for (uint32_t i = 0; i < axes->count; i++) {
         if (axes->joint[i].age == 0u) palp_joint_velocity(&axes->joint[i], &axes->limits[i], dt_s);
         palp_joint_believed(&axes->joint[i], &axes->limits[i]);
-        if (strict && axes->joint[i].age > 0u) counters->late++;
+        if (input->strict && axes->joint[i].age > 0u) counters->late++;
     }
 }
 

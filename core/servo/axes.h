@@ -49,11 +49,16 @@ void palp_axes_forget(palp_device_axes *axes);
 void palp_axes_home(palp_device_axes *axes, const palp_device *device);
 void palp_axes_unhome(palp_device_axes *axes, const palp_device *device);
 
-/* The frames of a tick that comes `periods` after the last. `strict`: a joint that was believed is
- * held to; else readings that keep disagreeing with it are taken as new. Cost: per frame and axis,
- * one decoding and one velocity estimate. */
-void palp_axes_take(palp_device_axes *axes, const palp_device *device, uint32_t periods,
-                    const palp_can_frame *frames, uint32_t count, bool strict,
+/* What a tick that comes `periods` after the last has received. */
+typedef struct {
+    const palp_can_frame *frames;
+    uint32_t count, periods;
+    bool strict; /* a joint that was believed is held to; else readings that keep disagreeing with
+                    it are taken as new */
+} palp_axes_input;
+
+/* Cost: per frame and axis, one decoding and one velocity estimate. */
+void palp_axes_take(palp_device_axes *axes, const palp_device *device, const palp_axes_input *input,
                     palp_counters *counters);
 
 palp_axes_health palp_axes_check(const palp_device_axes *axes);

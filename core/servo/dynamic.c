@@ -54,9 +54,13 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
     if (status != PALP_OK) return status;
     status = palp_adapt_init(&d->adapt, &d->dyna, &config->adapt, part[1], size[1]);
     if (status != PALP_OK) return status;
-    status =
-        palp_impose_init(&d->impose, &d->dyna, config->uniform ? NULL : &d->adapt, config->tools,
-                         config->tool_count, at_m, config->max_points, part[2], size[2]);
+    const palp_impose_config impose = {.dyna = &d->dyna,
+                                       .adapt = config->uniform ? NULL : &d->adapt,
+                                       .tools = config->tools,
+                                       .tool_count = config->tool_count,
+                                       .at_m = at_m,
+                                       .max_points = config->max_points};
+    status = palp_impose_init(&d->impose, &impose, part[2], size[2]);
     if (status != PALP_OK) return status;
     float least = palp_dynamic_cost_least(d);
     if (bound_ns != NULL) *bound_ns = least;

@@ -29,7 +29,10 @@ PALP_STATIC_ASSERT(sizeof(palp_servo) <= PALP_SERVO_OBJECT, "PALP_SERVO_BYTES");
 static palp_servo *lay_out(const palp_blob *b, uint32_t finest, palp_arena *arena,
                            void **answer_memory) {
     palp_servo *s = palp_take(arena, 1, sizeof *s);
-    *answer_memory = palp_take(arena, palp_answer_memsize(b, 1, finest), 1);
+    *answer_memory = palp_take(
+        arena,
+        palp_answer_memsize(&(palp_contact_config){.blob = b, .tool_count = 1, .finest = finest}),
+        1);
     return s;
 }
 
@@ -85,17 +88,17 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     const palp_device *device = &config->device;
     const palp_prices ns = palp_prices_of(&config->cost);
     *s = (palp_servo){.blob = blob, .config = *config, .dt_s = 1.0f / device->drives.rate_hz};
-    const palp_answer_config answer = {.blob = blob,
-                                       .tools = &s->config.tool,
-                                       .tool_count = 1,
-                                       .finest = config->finest,
+    const palp_answer_config answer = {.contact = {.blob = blob,
+                                                   .tools = &s->config.tool,
+                                                   .tool_count = 1,
+                                                   .finest = config->finest},
                                        .cost = config->cost,
                                        .port = config->port,
                                        .dt_s = s->dt_s,
                                        .before_ns = palp_servo_cost_before(&ns),
                                        .after_ns = palp_servo_cost_after(&ns)};
     status = palp_answer_init(&s->answer, &answer, answer_memory,
-                              palp_answer_memsize(blob, 1, config->finest), bound_ns);
+                              palp_answer_memsize(&answer.contact), bound_ns);
     if (status != PALP_OK) return status;
     set_coupling(&s->answer.coupling.tool[0], &s->config);
     s->passive = palp_passivity_configure(palp_axes(&device->kinematics), device->damping_Ns_per_m,
@@ -116,8 +119,9 @@ const palp_counters *palp_servo_counters(const palp_servo *servo) { return &serv
 
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
     const palp_answer *a = &servo->answer;
-    return palp_contact_loads(&a->contact, 0, 0, a->coupling.tool[0].friction.force_N, load, 0,
-                              PALP_SERVO_LOADS);
+    palp_load_list list = {.load = load, .capacity = PALP_SERVO_LOADS};
+    palp_contact_loads(&a->contact, 0, 0, a->coupling.tool[0].friction.force_N, &list);
+    return list.count;
 }
 
 /* ---- state ---- */
@@ -148,8 +152,11 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     count_events(&s->counters, in->events);
     const uint32_t frames = in->count < PALP_SERVO_FRAMES_IN ? in->count : PALP_SERVO_FRAMES_IN;
     s->counters.overflows += in->count - frames;
-    palp_axes_take(&s->axes, &s->config.device, periods, in->frames + (in->count - frames), frames,
-                   force, &s->counters);
+    const palp_axes_input read = {.frames = in->frames + (in->count - frames),
+                                  .count = frames,
+                                  .periods = periods,
+                                  .strict = force};
+    palp_axes_take(&s->axes, &s->config.device, &read, &s->counters);
     s->health = palp_axes_check(&s->axes);
     if (force && (float)s->health.frozen * s->dt_s >= 0.5f * PALP_FROZEN_S) s->counters.frozen++;
     apply_safety_step(s, palp_safety_tick(&s->safety, in->events, periods, &s->health));

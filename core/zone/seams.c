@@ -204,9 +204,17 @@ static void eliminate(palp_seams *q, palp_seam_factor *f, uint32_t s) {
         for (uint32_t i = k; i < f->link[s].count; i++) {
             size_t columns = unknowns(q, f->link[s].other[i], f->level);
             size_t at = i == k ? f->link[t].offset[0] : block_of(f, t, f->link[s].other[i]);
-            palp_subtract_product(f->block + at, columns, f->block + f->link[s].offset[k + 1u],
-                                  rows, f->block + f->link[s].offset[i + 1u], columns, n, rows,
-                                  columns, i == k);
+            const palp_product product = {.a = f->block + f->link[s].offset[k + 1u],
+                                          .b = f->block + f->link[s].offset[i + 1u],
+                                          .a_stride = rows,
+                                          .b_stride = columns,
+                                          .k = n,
+                                          .n = rows,
+                                          .m = columns};
+            if (i == k)
+                palp_subtract_product_upper(f->block + at, columns, &product);
+            else
+                palp_subtract_product(f->block + at, columns, &product);
             q->work_done += n * rows * columns / (i == k ? 2u : 1u);
         }
     }
@@ -373,9 +381,14 @@ void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, 
         for (uint32_t k = 0; k < f->link[s].count; k++) {
             const uint32_t t = f->link[s].other[k];
             const size_t m = unknowns(q, t, f->level);
-            palp_subtract_product(y + 3u * (size_t)q->first_mode[t] * stride, stride,
-                                  f->block + f->link[s].offset[k + 1u], m, own, stride, n, m, count,
-                                  false);
+            const palp_product product = {.a = f->block + f->link[s].offset[k + 1u],
+                                          .b = own,
+                                          .a_stride = m,
+                                          .b_stride = stride,
+                                          .k = n,
+                                          .n = m,
+                                          .m = count};
+            palp_subtract_product(y + 3u * (size_t)q->first_mode[t] * stride, stride, &product);
             *touched |= 1ull << t;
             q->work_done += n * m * count;
         }

@@ -7,10 +7,11 @@
 
 palp_contact *contact_open(const palp_blob *blob, const palp_tool *tool, uint32_t tools,
                            uint32_t level) {
-    size_t bytes = palp_contact_memsize(blob, tools, FINEST);
+    const palp_contact_config config = {
+        .blob = blob, .tools = tool, .tool_count = tools, .finest = FINEST};
+    size_t bytes = palp_contact_memsize(&config);
     palp_contact *c = allocate(1, sizeof *c);
-    palp_status status =
-        palp_contact_init(c, blob, tool, tools, FINEST, allocate_aligned(bytes, 1), bytes);
+    palp_status status = palp_contact_init(c, &config, allocate_aligned(bytes, 1), bytes);
     if (status != PALP_OK)
         die(EXIT_WORK, "the body cannot be touched (%s): bake it again", palp_status_text(status));
     c->now = level;

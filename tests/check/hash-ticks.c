@@ -53,15 +53,15 @@ static void move_zones(const char *path) {
     if (palp_assembly_init(&assembly, &zones, 4, aligned(room), room) != PALP_OK) exit(1);
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    palp_answer_config config = {.assembly = &assembly,
-                                 .pairs = true,
-                                 .tools = &tool,
-                                 .tool_count = 1,
-                                 .finest = PALP_CONTACT_FINEST,
+    palp_answer_config config = {.contact = {.assembly = &assembly,
+                                             .pairs = true,
+                                             .tools = &tool,
+                                             .tool_count = 1,
+                                             .finest = PALP_CONTACT_FINEST},
                                  .cost = {&palp_target_counted, 1.0f, 0.0f, 0.95f},
                                  .port = {.now_ns = work_clock},
                                  .dt_s = 4e-3f};
-    room = palp_answer_memsize_zones(&assembly, true, 1, config.finest);
+    room = palp_answer_memsize(&config.contact);
     if (palp_answer_init(&answer, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
     answer.coupling.tool[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 1500; i++) {
@@ -97,14 +97,14 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
     tool[1].cylinder = (palp_cylinder){
         .axis = {1, 0, 0}, .radius_m = 1.5f * edge, .half_m = edge, .rim_m = 0.5f * edge};
     for (uint32_t t = 0; t < 2; t++) {
-        const palp_answer_config config = {.blob = blob,
-                                           .tools = &tool[t],
-                                           .tool_count = 1,
-                                           .finest = PALP_CONTACT_FINEST,
+        const palp_answer_config config = {.contact = {.blob = blob,
+                                                       .tools = &tool[t],
+                                                       .tool_count = 1,
+                                                       .finest = PALP_CONTACT_FINEST},
                                            .cost = {&palp_target_counted, 0.5f, 0.0f, 0.9f},
                                            .port = {.now_ns = answer_clock},
                                            .dt_s = 1e-3f};
-        size_t room = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST);
+        size_t room = palp_answer_memsize(&config.contact);
         if (palp_answer_init(&answer, &config, aligned(room), room, NULL) != PALP_OK) exit(1);
         answer.coupling.tool[0].stiffness_N_per_m = 300.0f;
         for (uint32_t i = 0; i < 500; i++) {

@@ -26,9 +26,14 @@ int main(int, char **argv) {
     palp_blob blob;
     if (palp_blob_open(&blob, data, std::fread(data, 1, room, f)) != PALP_OK) return 1;
     const palp_tool sphere = palp_tool_sphere(3 * blob.meta->mean_edge_m);
-    const std::size_t bytes = palp_contact_memsize(&blob, 1, PALP_CONTACT_FINEST);
+    palp_contact_config config = {};
+    config.blob = &blob;
+    config.tools = &sphere;
+    config.tool_count = 1;
+    config.finest = PALP_CONTACT_FINEST;
+    const std::size_t bytes = palp_contact_memsize(&config);
     static palp_contact contact;
-    if (palp_contact_init(&contact, &blob, &sphere, 1, PALP_CONTACT_FINEST, std::aligned_alloc(PALP_ALIGN, (bytes + 63) / 64 * 64), bytes) != PALP_OK) return 1;
+    if (palp_contact_init(&contact, &config, std::aligned_alloc(PALP_ALIGN, (bytes + 63) / 64 * 64), bytes) != PALP_OK) return 1;
     std::printf("%u nodes, %zu bytes, palp %s\n", blob.meta->nodes, bytes, PALP_VERSION);
 }
 EOF

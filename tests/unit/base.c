@@ -145,7 +145,9 @@ static void test_blocks(void) {
                 worst = fmax(worst, fabs(sum));
             }
         }
-        palp_subtract_product(c, m, a, n, b, m, k, n, m, false);
+        const palp_product product = {
+            .a = a, .b = b, .a_stride = n, .b_stride = m, .k = k, .n = n, .m = m};
+        palp_subtract_product(c, m, &product);
         for (size_t i = 0; i < n; i++) {
             for (size_t j = 0; j < m; j++) {
                 double sum = (double)before[i * m + j] - (double)c[i * m + j];
@@ -156,7 +158,7 @@ static void test_blocks(void) {
         AT_MOST(worst, 1e-5, "R^T (R^-T B) = B for %zu x %zu", k, m);
         AT_MOST(off, 1e-5, "C - A^T B for %zu x %zu, %zu deep", n, m, k);
         if (n == m) {
-            palp_subtract_product(before, m, a, n, b, m, k, n, m, true);
+            palp_subtract_product_upper(before, m, &product);
             double differ = 0;
             for (size_t i = 0; i < n; i++) {
                 for (size_t j = i; j < m; j++)

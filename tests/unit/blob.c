@@ -77,9 +77,11 @@ static void touch(const palp_blob *b, double where) {
     palp_contact c;
     uint32_t node = (uint32_t)(where * b->meta->nodes) % b->meta->nodes;
     palp_tool tool = palp_tool_sphere(2.0f * b->meta->mean_edge_m);
-    size_t bytes = palp_contact_memsize(b, 1, PALP_CONTACT_FINEST);
+    const palp_contact_config config = {
+        .blob = b, .tools = &tool, .tool_count = 1, .finest = PALP_CONTACT_FINEST};
+    size_t bytes = palp_contact_memsize(&config);
     void *memory = allocate_aligned(bytes + 1, 1);
-    if (palp_contact_init(&c, b, &tool, 1, PALP_CONTACT_FINEST, memory, bytes) == PALP_OK) {
+    if (palp_contact_init(&c, &config, memory, bytes) == PALP_OK) {
         const palp_contact_spring held = {.held_m = palp_vec3_at(b->rest_m + 3 * (size_t)node)};
         for (int k = 0; k < 3; k++) palp_contact_solve(&c, &held.held_m, &held);
     }

@@ -33,19 +33,22 @@ static palp_status open_field(void *memory, size_t bytes) {
     static palp_field x;
     return palp_field_init(&x, &body.blob, memory, bytes);
 }
+static palp_contact_config one_body(const palp_blob *blob, uint32_t tools, uint32_t finest) {
+    return (palp_contact_config){
+        .blob = blob, .tools = &tool, .tool_count = tools, .finest = finest};
+}
 static palp_status open_contact(void *memory, size_t bytes) {
     static palp_contact x;
-    return palp_contact_init(&x, &body.blob, &tool, 1, 3, memory, bytes);
+    const palp_contact_config c = one_body(&body.blob, 1, 3);
+    return palp_contact_init(&x, &c, memory, bytes);
 }
 static palp_status open_answer(void *memory, size_t bytes) {
     static palp_answer x;
-    const palp_answer_config c = {.blob = &body.blob,
-                                  .tools = &tool,
-                                  .tool_count = 1,
-                                  .finest = 3,
-                                  .cost = cost,
-                                  .port = {.now_ns = no_time},
-                                  .dt_s = 1e-3f};
+    const palp_answer_config c = {
+        .contact = {.blob = &body.blob, .tools = &tool, .tool_count = 1, .finest = 3},
+        .cost = cost,
+        .port = {.now_ns = no_time},
+        .dt_s = 1e-3f};
     return palp_answer_init(&x, &c, memory, bytes, NULL);
 }
 static palp_servo_config servo_config(void) {
@@ -71,9 +74,14 @@ static palp_status open_assembly(void *memory, size_t bytes) {
     return palp_assembly_init(&x, zones.zones, 2, memory, bytes);
 }
 static palp_assembly *posed;
+static palp_contact_config all_zones(void) {
+    return (palp_contact_config){
+        .assembly = posed, .pairs = true, .tools = &tool, .tool_count = 1, .finest = 3};
+}
 static palp_status open_contact_zones(void *memory, size_t bytes) {
     static palp_contact x;
-    return palp_contact_init_zones(&x, posed, true, &tool, 1, 3, memory, bytes);
+    const palp_contact_config c = all_zones();
+    return palp_contact_init(&x, &c, memory, bytes);
 }
 static const palp_material material = {
     .lambda_Pa = 1e4f, .mu_Pa = 1e4f, .phi_Pa_s = 1, .psi_Pa_s = 1, .density_kg_m3 = 1000};
@@ -89,7 +97,13 @@ static palp_status open_adapt(void *memory, size_t bytes) {
 }
 static palp_status open_impose(void *memory, size_t bytes) {
     static palp_impose x;
-    return palp_impose_init(&x, &dyna, &adapt, &tool, 1, &at_m, 16, memory, bytes);
+    const palp_impose_config c = {.dyna = &dyna,
+                                  .adapt = &adapt,
+                                  .tools = &tool,
+                                  .tool_count = 1,
+                                  .at_m = &at_m,
+                                  .max_points = 16};
+    return palp_impose_init(&x, &c, memory, bytes);
 }
 static palp_status open_skin(void *memory, size_t bytes) {
     static palp_skin x;
@@ -123,15 +137,15 @@ static void check_block(const char *name, palp_status (*open)(void *, size_t), s
 }
 
 static void check_blocks(void) {
+    const palp_contact_config one = one_body(&body.blob, 1, 3), all = all_zones();
     check_block("palp_cma_init", open_cma, palp_cma_memsize(&body.blob, 6));
     check_block("palp_field_init", open_field, palp_field_memsize(&body.blob));
-    check_block("palp_contact_init", open_contact, palp_contact_memsize(&body.blob, 1, 3));
-    check_block("palp_answer_init", open_answer, palp_answer_memsize(&body.blob, 1, 3));
+    check_block("palp_contact_init", open_contact, palp_contact_memsize(&one));
+    check_block("palp_answer_init", open_answer, palp_answer_memsize(&one));
     check_block("palp_servo_open", open_servo, palp_servo_memsize(&body.blob, 3));
     check_block("palp_seams_init", open_seams, palp_seams_memsize(zones.zones, 2));
     check_block("palp_assembly_init", open_assembly, palp_assembly_memsize(zones.zones, 2));
-    check_block("palp_contact_init_zones", open_contact_zones,
-                palp_contact_memsize_zones(posed, true, 1, 3));
+    check_block("palp_contact_init_zones", open_contact_zones, palp_contact_memsize(&all));
     check_block("palp_dyna_init", open_dyna, palp_dyna_memsize(&soft.tets));
     check_block("palp_adapt_init", open_adapt, palp_adapt_memsize(&soft.tets));
     check_block("palp_impose_init", open_impose, palp_impose_memsize(&soft.tets, 16));
@@ -151,10 +165,11 @@ static void check_constants(void) {
     most.regular.modes = PALP_MAX_MODES;
     for (uint32_t level = 0; level < PALP_CONTACT_LEVELS; level++) {
         for (uint32_t tools = 1; tools <= PALP_CONTACT_TOOLS; tools++) {
+            const palp_contact_config config = one_body(&most, tools, level);
             char name[64];
             snprintf(name, sizeof name, "PALP_ANSWER_BYTES(%u, %u)", tools, level);
-            check_constant(name, PALP_ANSWER_BYTES(tools, level),
-                           palp_answer_memsize(&most, tools, level), 1.15);
+            check_constant(name, PALP_ANSWER_BYTES(tools, level), palp_answer_memsize(&config),
+                           1.15);
         }
         check_constant("PALP_SERVO_BYTES", PALP_SERVO_BYTES(level),
                        palp_servo_memsize(&most, level), 1.15);

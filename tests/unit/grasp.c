@@ -31,9 +31,10 @@ static zoned make_chain(uint32_t n) {
 static palp_contact *open_contact(palp_assembly *a, bool pairs, const palp_tool *tool,
                                   uint32_t level) {
     palp_contact *c = allocate(1, sizeof *c);
-    size_t bytes = palp_contact_memsize_zones(a, pairs, 1, level);
-    if (palp_contact_init_zones(c, a, pairs, tool, 1, level, allocate_aligned(bytes, 1), bytes) !=
-        PALP_OK)
+    const palp_contact_config config = {
+        .assembly = a, .pairs = pairs, .tools = tool, .tool_count = 1, .finest = level};
+    size_t bytes = palp_contact_memsize(&config);
+    if (palp_contact_init(c, &config, allocate_aligned(bytes, 1), bytes) != PALP_OK)
         die(EXIT_WORK, "contact");
     return c;
 }
@@ -533,16 +534,14 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
     work_clock clock = {.b = b};
     const palp_tool tool = palp_tool_sphere(0.008f);
     const palp_frame rest = PALP_FRAME_IDENTITY;
-    palp_answer_config config = {.assembly = a,
-                                 .tools = &tool,
-                                 .tool_count = 1,
-                                 .finest = PALP_CONTACT_FINEST,
-                                 .cost = {.target = &palp_target_counted,
-                                          .ns_per_instruction = 0.3f,
-                                          .margin = (float)(budget_us / 1000)},
-                                 .port = {.now_ns = now_ns, .context = &clock},
-                                 .dt_s = 1e-3f};
-    size_t bytes = palp_answer_memsize_zones(a, false, 1, config.finest);
+    palp_answer_config config = {
+        .contact = {.assembly = a, .tools = &tool, .tool_count = 1, .finest = PALP_CONTACT_FINEST},
+        .cost = {.target = &palp_target_counted,
+                 .ns_per_instruction = 0.3f,
+                 .margin = (float)(budget_us / 1000)},
+        .port = {.now_ns = now_ns, .context = &clock},
+        .dt_s = 1e-3f};
+    size_t bytes = palp_answer_memsize(&config.contact);
     float bound = 0;
     palp_status status = palp_answer_init(b, &config, allocate_aligned(bytes, 1), bytes, &bound);
     if (status == PALP_ERR_BUDGET) {

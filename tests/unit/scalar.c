@@ -107,9 +107,9 @@ int main(void) {
     AT_MOST(errors[1], 0.02, "and at epsilon 0.05, %zu bytes for %zu", sizes[1], sizes[0]);
     palp_contact c;
     palp_tool tool = palp_tool_sphere(0.1f);
-    size_t room = palp_contact_memsize(&blob, 1, 0);
-    CHECK(palp_contact_init(&c, &blob, &tool, 1, 0, allocate_aligned(room, 1), room) ==
-              PALP_ERR_ARGUMENT,
+    const palp_contact_config config = {.blob = &blob, .tools = &tool, .tool_count = 1};
+    size_t room = palp_contact_memsize(&config);
+    CHECK(palp_contact_init(&c, &config, allocate_aligned(room, 1), room) == PALP_ERR_ARGUMENT,
           "nothing to touch: contact refuses a scalar blob");
     return tap_done();
 }

@@ -234,15 +234,12 @@ static palp_status open_hand(hand *h, const palp_blob *b, double ns_per_operatio
     *h = (hand){.ns_per_operation = ns_per_operation};
     h->tool = palp_tool_sphere(2 * b->meta->mean_edge_m);
     h->tool.friction = friction;
-    size_t bytes = palp_answer_memsize(b, 1, PALP_CONTACT_FINEST);
     const palp_answer_config config = {
-        .blob = b,
-        .tools = &h->tool,
-        .tool_count = 1,
-        .finest = PALP_CONTACT_FINEST,
+        .contact = {.blob = b, .tools = &h->tool, .tool_count = 1, .finest = PALP_CONTACT_FINEST},
         .cost = {&palp_target_counted, (float)ns_per_operation, 0, 0.8f},
         .port = {virtual_ns, h},
         .dt_s = 1e-3f};
+    const size_t bytes = palp_answer_memsize(&config.contact);
     palp_status status =
         palp_answer_init(&h->answer, &config, allocate_aligned(bytes, 1), bytes, NULL);
     if (status == PALP_OK) h->answer.coupling.tool[0].stiffness_N_per_m = 5000;
@@ -366,8 +363,9 @@ static void test_two_tools(const baked *b) {
 static palp_vec3 sum_of_loads(const palp_contact *c) {
     palp_load load[512];
     palp_vec3 sum = {0};
-    uint32_t loads = palp_contact_loads(c, 0, 0, (palp_vec3){0}, load, 0, 512);
-    for (uint32_t i = 0; i < loads; i++) sum = palp_add(sum, load[i].force_N);
+    palp_load_list list = {.load = load, .capacity = 512};
+    palp_contact_loads(c, 0, 0, (palp_vec3){0}, &list);
+    for (uint32_t i = 0; i < list.count; i++) sum = palp_add(sum, load[i].force_N);
     return sum;
 }
 
@@ -400,24 +398,27 @@ static void test_loads(const baked *b) {
 static void test_errors(const baked *b) {
     palp_tool tool = palp_tool_sphere(0.2f), bad = palp_tool_sphere(-1);
     palp_contact c;
-    size_t bytes = palp_contact_memsize(&b->blob, 1, PALP_CONTACT_FINEST);
+    const palp_contact_config good = {
+        .blob = &b->blob, .tools = &tool, .tool_count = 1, .finest = PALP_CONTACT_FINEST};
+    palp_contact_config config = good;
+    size_t bytes = palp_contact_memsize(&good);
     uint8_t *memory = allocate_aligned(bytes + 64, 1);
     palp_blob plain = b->blob;
     plain.regular = (palp_regular){.modes = 0};
-    CHECK(palp_contact_init(&c, &plain, &tool, 1, 2, memory, bytes) == PALP_ERR_ARGUMENT,
+    config.blob = &plain;
+    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_ARGUMENT,
           "a body without modes cannot be touched");
-    CHECK(palp_contact_init(&c, &b->blob, &bad, 1, 2, memory, bytes) == PALP_ERR_ARGUMENT,
-          "an unsound tool");
-    CHECK(palp_contact_init(&c, &b->blob, &tool, 0, 2, memory, bytes) == PALP_ERR_ARGUMENT,
-          "no tool");
-    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, PALP_CONTACT_LEVELS, memory, bytes) ==
-              PALP_ERR_LIMITS,
-          "no such level");
-    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, PALP_CONTACT_FINEST, memory, bytes - 1) ==
-              PALP_ERR_MEMORY,
-          "too little memory");
-    CHECK(palp_contact_init(&c, &b->blob, &tool, 1, 2, memory + 4, bytes) == PALP_ERR_ALIGNMENT,
-          "odd memory");
+    config = good;
+    config.tools = &bad;
+    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_ARGUMENT, "an unsound tool");
+    config = good;
+    config.tool_count = 0;
+    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_ARGUMENT, "no tool");
+    config = good;
+    config.finest = PALP_CONTACT_LEVELS;
+    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_LIMITS, "no such level");
+    CHECK(palp_contact_init(&c, &good, memory, bytes - 1) == PALP_ERR_MEMORY, "too little memory");
+    CHECK(palp_contact_init(&c, &good, memory + 4, bytes) == PALP_ERR_ALIGNMENT, "odd memory");
     free(memory);
 }
 

@@ -17,10 +17,11 @@ typedef struct {
 } rig;
 
 static void start(rig *r, const palp_blob *b, uint32_t tools, float stiffness) {
-    size_t bytes = palp_contact_memsize(b, tools, PALP_CONTACT_FINEST);
+    const palp_contact_config config = {
+        .blob = b, .tools = r->tool, .tool_count = tools, .finest = PALP_CONTACT_FINEST};
+    size_t bytes = palp_contact_memsize(&config);
     r->memory = allocate_aligned(bytes, 1);
-    palp_status status =
-        palp_contact_init(&r->contact, b, r->tool, tools, PALP_CONTACT_FINEST, r->memory, bytes);
+    palp_status status = palp_contact_init(&r->contact, &config, r->memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "contact: %s", palp_status_text(status));
     r->coupling = (palp_coupling){.settling = 0};
     palp_coupling_reset(&r->coupling);

@@ -645,10 +645,12 @@ static void touch(palp_assembly *a) {
     const palp_tool tool = palp_tool_sphere(0.01f);
     const palp_vec3 at = {0.045f, 0.01f, 0.025f};
     const palp_contact_spring spring = {at, 100.0f};
-    size_t room = palp_contact_memsize_zones(a, true, 1, 0);
+    const palp_contact_config config = {
+        .assembly = a, .pairs = true, .tools = &tool, .tool_count = 1, .finest = 0};
+    size_t room = palp_contact_memsize(&config);
     void *memory = allocate_aligned(room + 1, 1);
     palp_contact *c = allocate(1, sizeof *c);
-    if (palp_contact_init_zones(c, a, true, &tool, 1, 0, memory, room) == PALP_OK) {
+    if (palp_contact_init(c, &config, memory, room) == PALP_OK) {
         for (int i = 0; i < 3; i++) palp_contact_solve(c, &at, &spring);
     }
     free(memory);

@@ -68,17 +68,17 @@ int main(int argc, char **argv) {
     static trial t;
     float edge = blob.meta->mean_edge_m, least_ns = 0.0f;
     t.tool = palp_tool_sphere(2.5f * edge);
-    palp_answer_config config = {.blob = &blob,
-                                 .tools = &t.tool,
-                                 .tool_count = 1,
-                                 .finest = PALP_CONTACT_FINEST,
+    palp_answer_config config = {.contact = {.blob = &blob,
+                                             .tools = &t.tool,
+                                             .tool_count = 1,
+                                             .finest = PALP_CONTACT_FINEST},
                                  .cost = {target, 1.0f, 0.0f, 1.0f},
                                  .port = {now_ns, &t}};
     palp_prices prices = target->instructions;
     palp_contact_cost cost = palp_contact_cost_of(&blob, &t.tool, 1, &prices);
     float full_ns = palp_answer_cost_full(&cost, PALP_CONTACT_FINEST);
     config.dt_s = full_ns * 1e-9f;
-    size_t room = palp_answer_memsize(&blob, 1, PALP_CONTACT_FINEST);
+    size_t room = palp_answer_memsize(&config.contact);
     if (palp_answer_init(&t.answer, &config, aligned_alloc(64, (room + 63u) / 64u * 64u), room,
                          &least_ns) != PALP_OK)
         return 1;

@@ -144,9 +144,11 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
         unit[k] = palp_contact_cost_of(blob, tool, 1, &price);
     }
     const uint32_t finest = PALP_CONTACT_LEVELS - 1u;
-    size_t bytes = palp_contact_memsize(blob, 1, finest);
+    const palp_contact_config config = {
+        .blob = blob, .tools = tool, .tool_count = 1, .finest = finest};
+    size_t bytes = palp_contact_memsize(&config);
     void *memory = cases_take(c, bytes);
-    if (palp_contact_init(contact, blob, tool, 1, finest, memory, bytes) == PALP_OK) {
+    if (palp_contact_init(contact, &config, memory, bytes) == PALP_OK) {
         const float extent = palp_tool_extent(tool);
         uint32_t node = blob->domain[PALP_FREE].node[dice_below(d, blob->domain[PALP_FREE].slots)];
         palp_contact_spring spring = {.stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *

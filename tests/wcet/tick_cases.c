@@ -152,7 +152,8 @@ static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t lev
                   .level = level,
                   .friction = friction,
                   .port = {.now_ns = instruction_clock},
-                  .bytes = palp_answer_memsize(blob, 1, level),
+                  .bytes = palp_answer_memsize(
+                      &(palp_contact_config){.blob = blob, .tool_count = 1, .finest = level}),
                   .told = told,
                   .context = &chased};
     h->memory = cases_take(c, h->bytes);

@@ -53,14 +53,12 @@ static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
     static double cost[TICKS];
     const float edge = blob->meta->mean_edge_m, radius = 4.0f * edge;
     const palp_tool tool = palp_tool_sphere(radius);
-    const palp_answer_config config = {.blob = blob,
-                                       .tools = &tool,
-                                       .tool_count = 1,
-                                       .finest = PALP_CONTACT_FINEST,
-                                       .cost = {&palp_target_counted, 1e-6f, 0.0f, 1.0f},
-                                       .port = {.now_ns = no_time},
-                                       .dt_s = 1e-3f};
-    size_t room = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST);
+    const palp_answer_config config = {
+        .contact = {.blob = blob, .tools = &tool, .tool_count = 1, .finest = PALP_CONTACT_FINEST},
+        .cost = {&palp_target_counted, 1e-6f, 0.0f, 1.0f},
+        .port = {.now_ns = no_time},
+        .dt_s = 1e-3f};
+    size_t room = palp_answer_memsize(&config.contact);
     void *memory = aligned_alloc(64, (room + 63) / 64 * 64);
     if (palp_answer_init(&b, &config, memory, room, NULL) != PALP_OK) exit(1);
     float stiffness = 0.5f * blob->meta->stiffness_max_N_per_m;

@@ -103,10 +103,13 @@ static bool open(setup *g, uint32_t finest) {
         return false;
     g->tool[0] = palp_tool_sphere(1.5f * edge);
     g->tool[1] = (palp_tool){.cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
-    room = palp_contact_memsize_zones(&g->assembly, true, 2, PALP_CONTACT_FINEST);
-    if (palp_contact_init_zones(&g->contact, &g->assembly, true, g->tool, 2, PALP_CONTACT_FINEST,
-                                cases_take(c, room), room) != PALP_OK)
-        return false;
+    const palp_contact_config config = {.assembly = &g->assembly,
+                                        .pairs = true,
+                                        .tools = g->tool,
+                                        .tool_count = 2,
+                                        .finest = PALP_CONTACT_FINEST};
+    room = palp_contact_memsize(&config);
+    if (palp_contact_init(&g->contact, &config, cases_take(c, room), room) != PALP_OK) return false;
     g->unit = cases_take(c, PALP_WORKS * sizeof *g->unit);
     g->price = cases_take(c, PALP_WORKS * sizeof *g->price);
     g->moving = cases_take(c, PALP_WORKS * sizeof *g->moving);

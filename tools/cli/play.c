@@ -157,15 +157,15 @@ static void open_player(player *p) {
     scene_tools(&p->s, p->tool, p->which, &p->tools);
     double period_us = 1e6 / p->s.rate_hz;
     double budget = play_budget_us(s, p->s.rate_hz);
-    palp_answer_config config = {.assembly = p->a,
-                                 .pairs = !s->alone,
-                                 .tools = p->tool,
-                                 .tool_count = p->tools,
-                                 .finest = PALP_CONTACT_FINEST,
+    palp_answer_config config = {.contact = {.assembly = p->a,
+                                             .pairs = !s->alone,
+                                             .tools = p->tool,
+                                             .tool_count = p->tools,
+                                             .finest = PALP_CONTACT_FINEST},
                                  .cost = machine_table(&s->machine, budget / period_us),
                                  .port = {.now_ns = now_ns, .context = p},
                                  .dt_s = (float)(1 / p->s.rate_hz)};
-    bytes = palp_answer_memsize_zones(p->a, config.pairs, p->tools, config.finest);
+    bytes = palp_answer_memsize(&config.contact);
     float bound_ns = 0;
     status = palp_answer_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
@@ -200,11 +200,10 @@ static void take_picture(player *p) {
         void *memory = allocate_aligned(bytes, 1);
         (void)palp_field_init(&field, b, memory, bytes);
         palp_load load[MOST_LOADS];
-        uint32_t loads = 0;
+        palp_load_list list = {.load = load, .capacity = MOST_LOADS};
         for (uint32_t k = 0; k < c->patches; k++)
-            loads =
-                palp_contact_loads(c, k, i, (palp_vec3){0.0f, 0.0f, 0.0f}, load, loads, MOST_LOADS);
-        palp_field_update(&field, load, loads);
+            palp_contact_loads(c, k, i, (palp_vec3){0.0f, 0.0f, 0.0f}, &list);
+        palp_field_update(&field, load, list.count);
         const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
         float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
         palp_seams_zone(&p->a->seams, p->a->configuration, PALP_SEAM_LEVELS - 1, i, total, modes);

@@ -11,7 +11,7 @@
 #define LEVEL PALP_CONTACT_FINEST
 #define SETTLE 8
 
-static _Alignas(PALP_ALIGN) uint8_t memory[1u << 20];
+static _Alignas(PALP_ALIGN) uint8_t memory[PALP_CONTACT_BYTES(1, LEVEL)];
 
 int main(int argc, char **argv) {
     palp_blob blob;
@@ -20,11 +20,12 @@ int main(int argc, char **argv) {
     if (!read_blob(&blob, argv[1])) return 1;
     const palp_tool sphere = palp_tool_sphere(3.0f * blob.meta->mean_edge_m);
     const float radius = sphere.ball[0].radius_m;
-    const palp_status status =
-        palp_contact_init(&contact, &blob, &sphere, 1, LEVEL, memory, sizeof memory);
+    const palp_contact_config config = {
+        .blob = &blob, .tools = &sphere, .tool_count = 1, .finest = LEVEL};
+    const palp_status status = palp_contact_init(&contact, &config, memory, sizeof memory);
     if (status != PALP_OK) {
         fprintf(stderr, "contact: %s (it takes %zu bytes)\n", palp_status_text(status),
-                palp_contact_memsize(&blob, 1, LEVEL));
+                palp_contact_memsize(&config));
         return 1;
     }
     const uint32_t top = highest_node(&blob);

@@ -27,18 +27,17 @@ int main(int argc, char **argv) {
     const float radius = 3.0f * blob.meta->mean_edge_m;
     const palp_tool tools[TOOLS] = {palp_tool_sphere(radius), palp_tool_sphere(radius)};
     const palp_answer_config config = {
-        .blob = &blob,
-        .tools = tools,
-        .tool_count = TOOLS,
-        .finest = PALP_CONTACT_FINEST,
+        .contact = {.blob = &blob,
+                    .tools = tools,
+                    .tool_count = TOOLS,
+                    .finest = PALP_CONTACT_FINEST},
         .cost = {.target = &palp_target_counted, .ns_per_instruction = 0.1f, .margin = 0.8f},
         .port = {.now_ns = work_clock, .context = &answer},
         .dt_s = 1.0f / RATE_HZ};
     const palp_status status = palp_answer_init(&answer, &config, memory, sizeof memory, &bound_ns);
     if (status != PALP_OK) {
         fprintf(stderr, "answer: %s (%zu bytes wanted; %g us of %g)\n", palp_status_text(status),
-                palp_answer_memsize(&blob, TOOLS, PALP_CONTACT_FINEST), (double)bound_ns * 1e-3,
-                1e6 / (double)RATE_HZ);
+                palp_answer_memsize(&config.contact);
         return 1;
     }
     const palp_vec3 top = palp_vec3_at(blob.rest_m + 3u * highest_node(&blob));

@@ -40,14 +40,14 @@ static hand *open_hand(bench *b, double radius, double ns_per_operation, double 
     h->tool = palp_tool_sphere((float)radius);
     h->ns_per_operation = ns_per_operation;
     const palp_answer_config config = {
-        .blob = b->blob,
-        .tools = &h->tool,
-        .tool_count = 1,
-        .finest = PALP_CONTACT_FINEST,
+        .contact = {.blob = b->blob,
+                    .tools = &h->tool,
+                    .tool_count = 1,
+                    .finest = PALP_CONTACT_FINEST},
         .cost = {&palp_target_counted, (float)ns_per_operation, 0, (float)MARGIN},
         .port = {virtual_ns, h},
         .dt_s = (float)(1 / RATE_HZ)};
-    h->bytes = palp_answer_memsize(b->blob, 1, PALP_CONTACT_FINEST);
+    h->bytes = palp_answer_memsize(&config.contact);
     h->memory = allocate_aligned(h->bytes, 1);
     float bound = 0;
     palp_status status = palp_answer_init(&h->answer, &config, h->memory, h->bytes, &bound);

@@ -70,13 +70,11 @@ bool path_run(search *h, const tool_path *path, uint32_t ticks) {
     dice d = {path->seed};
     h->tool = palp_tool_sphere(path->radius * h->blob->meta->mean_edge_m);
     h->tool.friction = h->friction ? 0.3f : 0.0f;
-    const palp_answer_config config = {.blob = h->blob,
-                                       .tools = &h->tool,
-                                       .tool_count = 1,
-                                       .finest = h->level,
-                                       .cost = {&palp_target_counted, 1e-9f, 0.0f, 1.0f},
-                                       .port = h->port,
-                                       .dt_s = 1.0f};
+    const palp_answer_config config = {
+        .contact = {.blob = h->blob, .tools = &h->tool, .tool_count = 1, .finest = h->level},
+        .cost = {&palp_target_counted, 1e-9f, 0.0f, 1.0f},
+        .port = h->port,
+        .dt_s = 1.0f};
     if (palp_answer_init(&h->answer, &config, h->memory, h->bytes, NULL) != PALP_OK) return false;
     h->answer.coupling.tool[0].stiffness_N_per_m =
         h->blob->meta->stiffness_max_N_per_m * path->stiffness;

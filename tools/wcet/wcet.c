@@ -197,8 +197,10 @@ static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *bl
         servo[k] =
             (double)(palp_servo_cost_before(&c[k].price) + palp_servo_cost_after(&c[k].price));
     bound_levels(c, c, servo, servo, t);
-    t->ram_bytes = s->tools == 1 ? palp_servo_memsize(blob, PALP_CONTACT_FINEST)
-                                 : palp_answer_memsize(blob, s->tools, PALP_CONTACT_FINEST);
+    t->ram_bytes = s->tools == 1
+                       ? palp_servo_memsize(blob, PALP_CONTACT_FINEST)
+                       : palp_answer_memsize(&(palp_contact_config){
+                             .blob = blob, .tool_count = s->tools, .finest = PALP_CONTACT_FINEST});
     t->stack_bytes = PALP_SERVO_STACK;
 }
 
@@ -251,7 +253,10 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
         seams[k] = (double)(q->factor + 2.0f * q->settle + 2.0f * q->solve + moving[k].load_ns);
     }
     bound_levels(c, at_least, always, seams, t);
-    t->ram_bytes = room + palp_answer_memsize_zones(&a, true, s->tools, PALP_CONTACT_FINEST);
+    t->ram_bytes =
+        room +
+        palp_answer_memsize(&(palp_contact_config){
+            .assembly = &a, .pairs = true, .tool_count = s->tools, .finest = PALP_CONTACT_FINEST});
     t->stack_bytes = PALP_SERVO_STACK;
 }
 

@@ -56,7 +56,8 @@ static search *make_search(const wcet_spec *s, const machine *m, const palp_blob
                   .level = PALP_CONTACT_FINEST,
                   .friction = s->friction,
                   .port = {.now_ns = clock_ns},
-                  .bytes = palp_answer_memsize(blob, 1, PALP_CONTACT_FINEST),
+                  .bytes = palp_answer_memsize(&(palp_contact_config){
+                      .blob = blob, .tool_count = 1, .finest = PALP_CONTACT_FINEST}),
                   .told = told,
                   .context = state};
     h->memory = allocate_aligned(h->bytes, 1);
