@@ -74,7 +74,7 @@ static void count_end(cases *c, poked *p, float room) {
     p->body.changed = r.splits + r.merges > 0u;
     set(&f, PALP_WORK_NODE_TICK, t->meta->nodes);
     set(&f, PALP_WORK_FAMILY, t->meta->families * (1u + a->config.max_changes));
-    set(&f, PALP_WORK_ELEMENT_TEST, a->config.max_element_tests - a->narrow_tests);
+    set(&f, PALP_WORK_ELEMENT_TEST, a->config.max_element_tests - a->element_tests);
     if (p->body.changed) {
         set(&f, PALP_WORK_LIST_NODE, t->meta->nodes);
         set(&f, PALP_WORK_LIST_TET, t->meta->tets);

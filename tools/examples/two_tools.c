@@ -37,7 +37,8 @@ int main(int argc, char **argv) {
     const palp_status status = palp_answer_init(&answer, &config, memory, sizeof memory, &bound_ns);
     if (status != PALP_OK) {
         fprintf(stderr, "answer: %s (%zu bytes wanted; %g us of %g)\n", palp_status_text(status),
-                palp_answer_memsize(&config.contact);
+                palp_answer_memsize(&config.contact), (double)bound_ns * 1e-3,
+                1e6 / (double)RATE_HZ);
         return 1;
     }
     const palp_vec3 top = palp_vec3_at(blob.rest_m + 3u * highest_node(&blob));
