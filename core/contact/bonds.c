@@ -21,8 +21,7 @@ static void feel(palp_contact *c, uint32_t level, uint32_t zone, const palp_surf
     c->work_done += 27u * (uint64_t)palp_assembly_modes(c->assembly, zone);
 }
 
-void palp_contact_bond(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_bond(palp_contact *c) {
     palp_assembly *a = c->assembly;
     palp_seams *q = &a->seams;
     const palp_seam_factor *f = palp_seams_factor(q);
@@ -70,9 +69,8 @@ static void add_products(const palp_contact *c, const float *y, uint32_t side, u
     }
 }
 
-void palp_contact_bond_row(palp_contact *contact, uint32_t side, uint32_t first, uint32_t end,
+void palp_contact_bond_row(palp_contact *c, uint32_t side, uint32_t first, uint32_t end,
                            float *row) {
-    palp_contact *c = contact;
     const size_t n = 3u * (size_t)c->assembly->seams.modes;
     add_products(c, c->seam, side, first, end, 1.0f, row);
     add_products(c, c->seam + n * c->side_room, side, first, end, -1.0f, row);
@@ -92,8 +90,7 @@ static bool feel_all(palp_contact *c, uint32_t zone) {
     return in->end > in->first;
 }
 
-void palp_contact_bond_corners(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_bond_corners(palp_contact *c) {
     palp_assembly *a = c->assembly;
     const uint32_t n = 3u * a->seams.modes, level = palp_seams_factor(&a->seams)->level;
     clear(c->answer, 2u * n);
@@ -115,8 +112,7 @@ void palp_contact_bond_corners(palp_contact *contact) {
     }
 }
 
-void palp_contact_load(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_load(palp_contact *c) {
     const palp_contact_point *point = c->solved ? c->point : c->before;
     const palp_contact_facing *facing = c->solved ? c->facing : c->facing_before;
     const uint32_t points = c->solved ? c->count : c->count_before;

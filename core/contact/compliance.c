@@ -103,8 +103,7 @@ static void fold(const palp_contact *c, uint32_t end, float *row) {
     }
 }
 
-void palp_contact_compliance_row(palp_contact *contact, uint32_t i, float *row) {
-    palp_contact *c = contact;
+void palp_contact_compliance_row(palp_contact *c, uint32_t i, float *row) {
     float *first = c->side_row[0], *second = c->side_row[1];
     if (c->sides == c->count) {
         row_of_side(c, i, i + 1u, row);
@@ -149,8 +148,7 @@ static uint32_t gather_body(palp_contact *c, uint32_t body, uint32_t at) {
     return at;
 }
 
-void palp_contact_gather(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_gather(palp_contact *c) {
     uint32_t at = 0;
     for (uint32_t b = 0; b < c->bodies; b++) at = gather_body(c, b, at);
     for (uint32_t m = 0; m < c->level.modes; m++) {
@@ -165,8 +163,7 @@ void palp_contact_gather(palp_contact *contact) {
     c->work_done += ((uint64_t)c->level.modes + 20u) * at;
 }
 
-void palp_contact_displace_corners(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_displace_corners(palp_contact *c) {
     for (uint32_t k = 0; k < c->nodes; k++)
         c->node_u_m[k] =
             palp_surface_corner(&c->surface[c->node_body[k]], c->node[k], c->level.modes, c->load);
@@ -342,10 +339,9 @@ static palp_symmetric2 without(palp_symmetric2 c, palp_symmetric2 part, float sh
                              c.yy - t[1][0] * on[1][0] - t[1][1] * on[1][1]};
 }
 
-void palp_contact_tangential(palp_contact *contact, uint32_t tool, const palp_vec3 tangent[2],
+void palp_contact_tangential(palp_contact *c, uint32_t tool, const palp_vec3 tangent[2],
                              const palp_contact_region *region, uint32_t regions,
                              palp_symmetric2 *near, palp_symmetric2 *far) {
-    palp_contact *c = contact;
     pressing way[2];
     float sum[2][2][2] = {{{0.0f}}}, all_N = 0.0f;
     for (uint32_t r = 0; r < regions; r++) all_N += region[r].normal_N;

@@ -41,8 +41,7 @@ static void swap_ticks(palp_contact *c) {
     }
 }
 
-float palp_contact_energy(const palp_contact *contact, float normal_N) {
-    const palp_contact *c = contact;
+float palp_contact_energy(const palp_contact *c, float normal_N) {
     float all = 0.0f;
     for (uint32_t k = 0; k < c->patches; k++) all += c->patch[k].normal_N;
     return normal_N > 0.0f ? c->energy_J * normal_N / all : 0.0f;
@@ -60,9 +59,8 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     return palp_clamp(1.0f - 0.6f * palp_dot(force, moved) / energy, LEAST_SHARE, MOST_SHARE);
 }
 
-void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
+void palp_contact_begin(palp_contact *c, const palp_vec3 *tool_m,
                         const palp_contact_spring *spring) {
-    palp_contact *c = contact;
     const float cells = (float)c->level.cells;
     c->level = palp_contact_level_at(c, c->now);
     for (uint32_t k = 0; k < c->patches && cells > 0.0f; k++)
@@ -164,8 +162,7 @@ static uint32_t pair_room(const palp_contact *c) {
     return end < c->level.points ? end : c->level.points;
 }
 
-bool palp_contact_fill(palp_contact *contact) {
-    palp_contact *c = contact;
+bool palp_contact_fill(palp_contact *c) {
     if (c->filling >= c->patches) return false;
     palp_contact_patch *patch = &c->patch[c->filling];
     const bool pair = patch->tool == PALP_CONTACT_TOOLS;
@@ -241,8 +238,7 @@ static void assemble_row(palp_contact *c, uint32_t i) {
     }
 }
 
-bool palp_contact_assemble(palp_contact *contact) {
-    palp_contact *c = contact;
+bool palp_contact_assemble(palp_contact *c) {
     for (uint32_t k = 0; k < PALP_CONTACT_ROWS && c->row < c->count; k++) assemble_row(c, c->row++);
     return c->row < c->count;
 }
@@ -300,8 +296,7 @@ static uint32_t change_active(palp_contact *c, bool one) {
     return changed;
 }
 
-bool palp_contact_iterate(palp_contact *contact) {
-    palp_contact *c = contact;
+bool palp_contact_iterate(palp_contact *c) {
     if (c->iterations == PALP_CONTACT_ITERATIONS) {
         c->flags |= PALP_CONTACT_SPENT;
         return false;
@@ -422,8 +417,7 @@ static void end_tool(palp_contact *c, uint32_t t) {
         c->rest_m[t] = palp_madd(s->held_m, 1.0f / s->stiffness_N_per_m, c->force_N[t]);
 }
 
-void palp_contact_finish(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_finish(palp_contact *c) {
     const palp_contact_past past = palp_contact_past_of(c);
     take_forces(c);
     c->solved = true;

@@ -158,9 +158,8 @@ static float gather(palp_friction *f, const palp_tool *tool, system *s) {
     return most_N;
 }
 
-void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp_contact *contact,
+void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contact *contact,
                          uint32_t tool, palp_vec3 rest_m, float stiffness_N_per_m) {
-    palp_friction *f = friction;
     system s = {.of = f,
                 .set = work->set,
                 .soft_m_per_N = stiffness_N_per_m > 0.0f ? 1.0f / stiffness_N_per_m : 0.0f};
@@ -203,8 +202,7 @@ void palp_friction_turn(palp_friction *friction, palp_vec3 by_rad) {
     friction->turn_rad = palp_add(friction->turn_rad, by_rad);
 }
 
-void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m) {
-    palp_friction *f = friction;
+void palp_friction_settle(palp_friction *f, palp_vec3 tool_m) {
     const palp_vec3 more = palp_sub(tool_m, f->solved_m);
     f->tool_m = tool_m;
     for (uint32_t k = 0; k < f->regions; k++) palp_springs_move(&f->region[k], more);

@@ -396,8 +396,7 @@ static palp_vec3 seen_from_far_field(const palp_contact *c, uint32_t k, palp_vec
     return palp_madd(v, -palp_dot(h, v) / room, n);
 }
 
-void palp_contact_exact(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_exact(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) {
         palp_contact_patch *patch = &c->patch[k];
         derivative_sums f = {.s0 = 0.0f};

@@ -33,9 +33,8 @@ static float extent(const palp_tool *t) {
     return far + t->pad.half_m[0] + t->pad.half_m[1] + t->pad.edge_m;
 }
 
-palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *config, void *memory,
+palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *c, void *memory,
                              size_t bytes) {
-    const palp_impose_config *c = config;
     const palp_tets *tets = c->dyna->tets;
     palp_impose p = {.dyna = c->dyna,
                      .adapt = c->adapt,
@@ -121,8 +120,7 @@ static void broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 
     narrow_phase(p, skin, tool, x, margin);
 }
 
-void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m) {
-    palp_impose *p = impose;
+void palp_impose_begin(palp_impose *p, const palp_vec3 *to_m) {
     float path_m[PALP_CONTACT_TOOLS] = {0.0f};
     p->count = 0;
     p->narrow_tests = PALP_IMPOSE_NARROW_TESTS * p->max_points;
@@ -192,8 +190,7 @@ static void press(palp_impose *p, const palp_imposed *s, palp_vec3 c, palp_vec3 
     p->inside++;
 }
 
-void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps) {
-    palp_impose *p = impose;
+void palp_impose_step(palp_impose *p, uint32_t s, uint32_t steps) {
     float share = (float)(s + 1u) / (float)steps, per_tick = 1.0f / p->dyna->config.tick_s;
     palp_vec3 at[PALP_CONTACT_TOOLS], v[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < p->tool_count; t++) {

@@ -85,8 +85,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     return true;
 }
 
-void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 aim_m) {
-    palp_lattice *l = lattice;
+void palp_lattice_aim(palp_lattice *l, palp_vec3 axis, palp_vec3 aim_m) {
     *l = (palp_lattice){.placed = false};
     palp_lattice_set_axis(l, axis);
     l->at.origin_m = aim_m;
@@ -115,8 +114,7 @@ static void fill(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_ro
     r->done->crossings += crossings_of(r) - f->crossings;
 }
 
-uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first) {
-    palp_lattice *l = lattice;
+uint32_t palp_lattice_fill(palp_lattice *l, const palp_lattice_room *room, uint32_t first) {
     palp_lattice_filling f;
     *room->count = first;
     palp_lattice_clear(room->table);

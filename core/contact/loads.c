@@ -36,9 +36,8 @@ static void raise(palp_load_list *l, const palp_blob *blob, uint32_t first) {
     }
 }
 
-void palp_contact_loads(const palp_contact *contact, uint32_t patch, uint32_t body,
-                        palp_vec3 friction_N, palp_load_list *list) {
-    const palp_contact *c = contact;
+void palp_contact_loads(const palp_contact *c, uint32_t patch, uint32_t body, palp_vec3 friction_N,
+                        palp_load_list *list) {
     const palp_contact_patch *of = &c->patch[patch];
     const palp_blob *b = c->surface[body].blob;
     const uint32_t first = list->count;

@@ -142,9 +142,8 @@ static palp_status check(const palp_contact_config *config) {
     return PALP_OK;
 }
 
-palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *config,
-                              void *memory, size_t bytes) {
-    palp_contact *c = contact;
+palp_status palp_contact_init(palp_contact *c, const palp_contact_config *config, void *memory,
+                              size_t bytes) {
     palp_arena arena = {.base = memory};
     palp_status status = check(config);
     if (status != PALP_OK) return status;
@@ -164,8 +163,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *
     return PALP_OK;
 }
 
-void palp_contact_clear(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_clear(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) {
         palp_contact_patch *p = &c->patch[k];
         palp_lattice_table *table = p->table, *before = p->table_before;

@@ -53,8 +53,7 @@ static uint32_t beyond_edge(const palp_contact *c, uint32_t body, uint32_t t, ui
     return found == PALP_NONE ? PALP_NONE : other << 24u | found;
 }
 
-void palp_contact_open_patches(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_open_patches(palp_contact *c) {
     for (uint32_t k = 0; c->pairs && k < c->bodies * (c->bodies - 1u) / 2u; k++)
         c->closest[k][0] = c->closest[k][1] = 0;
     for (uint32_t b = 0; b < c->bodies; b++) {
@@ -80,8 +79,7 @@ bool palp_contact_near(const palp_contact *contact) {
     return any;
 }
 
-uint32_t palp_contact_next(palp_contact *contact) {
-    palp_contact *c = contact;
+uint32_t palp_contact_next(palp_contact *c) {
     uint32_t next = c->patches;
     for (uint32_t k = c->patches; k-- > 0u;) {
         const palp_contact_patch *p = &c->patch[k];
@@ -339,8 +337,7 @@ static void meet_zones(palp_contact *c) {
 
 /* ---- a tick ---- */
 
-void palp_contact_place(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_place(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) c->patch[k].filled = false;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         palp_contact_patch *p = &c->patch[t];
@@ -350,8 +347,7 @@ void palp_contact_place(palp_contact *contact) {
     if (c->pairs) meet_zones(c);
 }
 
-palp_vec3 palp_contact_carried(const palp_contact *contact, uint32_t tool) {
-    const palp_contact *c = contact;
+palp_vec3 palp_contact_carried(const palp_contact *c, uint32_t tool) {
     const palp_contact_point *point = c->solved ? c->point : c->before;
     const uint32_t points = c->solved ? c->count : c->count_before;
     palp_vec3 sum = {0};

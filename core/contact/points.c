@@ -48,8 +48,7 @@ static uint32_t slot_of_node(const palp_contact *c, uint32_t body, uint32_t node
     return 0u;
 }
 
-void palp_contact_forget_nodes(palp_contact *contact) {
-    palp_contact *c = contact;
+void palp_contact_forget_nodes(palp_contact *c) {
     for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) c->node_slot[k] = 0;
     c->nodes = 0;
 }
@@ -189,8 +188,7 @@ static void add_other_side(palp_contact *c, uint32_t i) {
     c->target[i] += palp_dot(c->point[i].out, there);
 }
 
-uint32_t palp_contact_points(palp_contact *contact) {
-    palp_contact *c = contact;
+uint32_t palp_contact_points(palp_contact *c) {
     c->sides = c->count;
     for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
     for (uint32_t i = 0; i < c->count && c->pairs; i++) {

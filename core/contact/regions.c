@@ -224,10 +224,9 @@ static void name_parents(const descent *d, palp_contact_region *region, uint32_t
     }
 }
 
-uint32_t palp_contact_regions(palp_contact *contact, uint32_t tool,
-                              const palp_contact_region *before, uint32_t count_before,
+uint32_t palp_contact_regions(palp_contact *c, uint32_t tool, const palp_contact_region *before,
+                              uint32_t count_before,
                               palp_contact_region region[PALP_CONTACT_REGIONS]) {
-    palp_contact *c = contact;
     descent d = {.before = before, .count = count_before};
     uint32_t count = 0;
     const uint32_t pieces = find_pieces(c, tool);

@@ -9,8 +9,7 @@
 #define FADING 0.999f /* share of which lasts for a tick */
 #define STILL 2e-3f   /* cells in a tick below which a hand rests */
 
-palp_contact_past palp_contact_past_of(const palp_contact *contact) {
-    const palp_contact *c = contact;
+palp_contact_past palp_contact_past_of(const palp_contact *c) {
     palp_contact_past past = {.energy_J = c->energy_J};
     for (uint32_t t = 0; t < c->tool_count; t++) {
         past.rest_m[t] = c->rest_m[t];
@@ -91,8 +90,7 @@ static void repay(palp_contact *c, const palp_contact_past *past) {
     c->owed_J = palp_clamp(stay ? owed + undone_J(c, past) : owed, -most, most);
 }
 
-void palp_contact_repay(palp_contact *contact, const palp_contact_past *past) {
-    palp_contact *c = contact;
+void palp_contact_repay(palp_contact *c, const palp_contact_past *past) {
     if (c->assembly == NULL) repay(c, past);
     for (uint32_t t = 0; t < c->tool_count; t++) c->held_before_m[t] = c->spring[t].held_m;
 }

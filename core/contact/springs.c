@@ -98,8 +98,7 @@ static void adapt_to_load(palp_springs *s, float root) {
     s->kept = now.kept;
 }
 
-void palp_springs_press(palp_springs *springs, float z) {
-    palp_springs *s = springs;
+void palp_springs_press(palp_springs *s, float z) {
     if (!s->rounded) {
         s->root = s->kept = 1.0f;
         s->top_m = z;
@@ -158,9 +157,7 @@ static void add_spring(palp_spring_set *set, float mu, uint32_t i) {
     set->spring[set->count++] = spring;
 }
 
-void palp_springs_gather(palp_springs *springs, float mu, palp_vec3 turn_rad,
-                         palp_spring_set *set) {
-    palp_springs *s = springs;
+void palp_springs_gather(palp_springs *s, float mu, palp_vec3 turn_rad, palp_spring_set *set) {
     const palp_symmetric2 a = s->near_m_per_N;
     const float mean = mean_compliance(s), over = mean / (a.xx * a.yy - a.xy * a.xy);
     *set = (palp_spring_set){.of = s,
@@ -283,8 +280,7 @@ void palp_springs_slip(palp_spring_set *set, palp_vec3 by_m, palp_springs_pull *
     pull->slipping = pull->slipping && slipping;
 }
 
-void palp_springs_move(palp_springs *springs, palp_vec3 more_m) {
-    palp_springs *s = springs;
+void palp_springs_move(palp_springs *s, palp_vec3 more_m) {
     float low, high;
     for (uint32_t i = 0; i < (s->rounded ? PALP_SPRINGS : 1u); i++) {
         if (!s->rounded || extent(s, i, &low, &high))
@@ -292,9 +288,8 @@ void palp_springs_move(palp_springs *springs, palp_vec3 more_m) {
     }
 }
 
-void palp_springs_inherit(palp_springs *springs, const palp_springs *const *from,
-                          const float *share, uint32_t count) {
-    palp_springs *s = springs;
+void palp_springs_inherit(palp_springs *s, const palp_springs *const *from, const float *share,
+                          uint32_t count) {
     const palp_springs now = *s;
     *s = *from[0];
     s->at = now.at;

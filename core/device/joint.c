@@ -9,8 +9,7 @@
 #define AT_STOP 4.0f    /* steps beyond a limit that are believed */
 #define ZERO_REACH 4.0f /* steps within which an exact 0 may be true */
 
-void palp_joint_age(palp_joint *joint, uint32_t periods, float dt_s) {
-    palp_joint *j = joint;
+void palp_joint_age(palp_joint *j, uint32_t periods, float dt_s) {
     const uint32_t p = periods < AGE_LIMIT ? periods : AGE_LIMIT;
     const uint32_t foreseen = j->age + p < PALP_JOINT_FORESEEN ? j->age + p : PALP_JOINT_FORESEEN;
     j->expected_rad = j->q_rad + j->shift_rad + j->dq_rad_s * dt_s * (float)foreseen;
@@ -72,9 +71,8 @@ static bool is_stale(const palp_joint *j, const palp_joint_limits *l, float q, f
            (float)j->age * dt_s < PALP_JOINT_REPEATS_S;
 }
 
-palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits, float q_rad,
+palp_reading palp_joint_take(palp_joint *j, const palp_joint_limits *limits, float q_rad,
                              float dt_s) {
-    palp_joint *j = joint;
     if (!believable(j, limits, q_rad, dt_s)) {
         j->bad_in_a_row++;
         j->bad_history = j->bad_history << 1u | 1u;
@@ -97,8 +95,7 @@ palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits,
     return PALP_READING_TAKEN;
 }
 
-void palp_joint_believed(palp_joint *joint, const palp_joint_limits *limits) {
-    palp_joint *j = joint;
+void palp_joint_believed(palp_joint *j, const palp_joint_limits *limits) {
     if (j->age > 0u) {
         j->believed_rad = palp_clamp(j->expected_rad, limits->min_rad, limits->max_rad);
         return;
@@ -111,8 +108,7 @@ void palp_joint_believed(palp_joint *joint, const palp_joint_limits *limits) {
     j->believed_rad = j->q_rad + j->shift_rad;
 }
 
-void palp_joint_velocity(palp_joint *joint, const palp_joint_limits *limits, float dt_s) {
-    palp_joint *j = joint;
+void palp_joint_velocity(palp_joint *j, const palp_joint_limits *limits, float dt_s) {
     uint32_t span = 1;
     j->dq_rad_s = windowed_slope(j, limits->step_rad, &span) / dt_s;
     const float doubt = limits->step_rad / (dt_s * (float)span);

@@ -261,8 +261,7 @@ static void split_some(palp_adapt *s, palp_adapt_room room, palp_adapt_report *r
     }
 }
 
-palp_adapt_report palp_adapt_tick(palp_adapt *adapt, palp_adapt_room room) {
-    palp_adapt *s = adapt;
+palp_adapt_report palp_adapt_tick(palp_adapt *s, palp_adapt_room room) {
     palp_dyna *d = s->dyna;
     palp_adapt_report r = {0, 0, 0, 0};
     s->element_tests = s->config.max_element_tests;

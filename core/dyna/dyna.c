@@ -241,8 +241,7 @@ static void clear(palp_dyna *d, uint32_t n, bool first) {
     if (first) d->stretch[n] = 1.0f;
 }
 
-void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
-    palp_dyna *d = dyna;
+void palp_dyna_forces(palp_dyna *d, uint32_t s, uint32_t steps) {
     for (uint32_t i = 0; i < d->active_count; i++) clear(d, d->active[i], s == 0u);
     for (uint32_t i = 0; i < d->up_count; i++) clear(d, d->up[i], s == 0u);
     for (uint32_t i = 0; i < d->down_count; i++) clear(d, d->down[i], s == 0u);
@@ -259,8 +258,7 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps) {
     palp_dyna_hand_back(d);
 }
 
-void palp_dyna_move(palp_dyna *dyna, uint32_t steps) {
-    palp_dyna *d = dyna;
+void palp_dyna_move(palp_dyna *d, uint32_t steps) {
     const float tick = d->config.tick_s, dt = tick / (float)steps;
     const float slower = palp_max(1.0f - dt * d->config.material.drag_per_s, 0.0f);
     const palp_vec3 g = palp_scale(dt, d->config.gravity_m_s2);

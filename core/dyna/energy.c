@@ -16,9 +16,7 @@ static float falling_J(const palp_dyna *d) {
     return sum;
 }
 
-bool palp_energy_watch(palp_energy *energy, palp_dyna *dyna, float work_J, bool changed) {
-    palp_energy *e = energy;
-    palp_dyna *d = dyna;
+bool palp_energy_watch(palp_energy *e, palp_dyna *d, float work_J, bool changed) {
     float size = d->tets->meta->diagonal_m;
     float floor_J = NOISE * d->config.material.mu_Pa * size * size * size;
     e->kinetic_J = palp_dyna_kinetic_J(d);

@@ -69,8 +69,7 @@ static void lean(palp_dyna *d, uint32_t node, sources s) {
         d->stiffness_ratio[s.node[k]] += s.weight[k] * s.weight[k] * d->stiffness_ratio[node];
 }
 
-void palp_dyna_levers(palp_dyna *dyna) {
-    palp_dyna *d = dyna;
+void palp_dyna_levers(palp_dyna *d) {
     const palp_tets *t = d->tets;
     for (uint32_t i = 0; i < t->meta->nodes; i++) {
         bool bears = d->state[i] == PALP_ACTIVE || d->borders[i] != 0u;

@@ -139,8 +139,7 @@ void palp_dyna_relist(palp_dyna *dyna) {
     palp_dyna_interpolate(dyna);
 }
 
-void palp_dyna_collapse(palp_dyna *dyna) {
-    palp_dyna *d = dyna;
+void palp_dyna_collapse(palp_dyna *d) {
     for (uint32_t i = d->tets->meta->nodes; i-- > 0u;) { /* from fine to coarse */
         if (d->state[i] == PALP_SPLIT && !palp_dyna_pinned(d, i)) palp_dyna_mean(d, i);
     }

@@ -13,8 +13,7 @@ static void add_column(palp_cma *c, uint32_t column_domain, uint32_t slot, const
     }
 }
 
-void palp_cma_sum_columns(palp_cma *cma) {
-    palp_cma *c = cma;
+void palp_cma_sum_columns(palp_cma *c) {
     const palp_blob *b = c->blob;
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
         for (uint32_t i = 0; i < b->domain[d].slots * PALP_FIELD_LANES; i++) c->detail[d][i] = 0.0f;

@@ -72,8 +72,7 @@ static motion farthest(const palp_cma *c, const motion *known, uint32_t count, f
 
 /* Rounding and thresholding hide that a body is loose, so this is looked at: the rows of what is
  * prescribed must span all rigid motions. As long as no fixed node is let go they do. */
-bool palp_cma_is_held(const palp_cma *cma) {
-    const palp_cma *c = cma;
+bool palp_cma_is_held(const palp_cma *c) {
     const uint32_t motions = palp_blob_has(c->blob, PALP_META_SCALAR) ? 1u : 6u;
     bool released = false;
     motion known[6];

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "cma_internal.h"
 
-void palp_cma_restrict(palp_cma *cma) {
-    palp_cma *c = cma;
+void palp_cma_restrict(palp_cma *c) {
     const palp_domain *d = &c->blob->domain[PALP_FREE];
     for (uint32_t i = 0; i < d->slots; i++) {
         for (uint32_t k = 0; k < 3; k++) c->carried[3u * i + k] = c->given[3u * d->node[i] + k];
@@ -37,8 +36,7 @@ static void distribute_forces(const palp_blob *b, uint32_t level, float *force) 
     }
 }
 
-void palp_cma_carry(palp_cma *cma) {
-    palp_cma *c = cma;
+void palp_cma_carry(palp_cma *c) {
     const palp_blob *b = c->blob;
     for (uint32_t i = 0; i < 3u * b->domain[PALP_FREE].slots; i++) c->carried[i] = 0.0f;
     for (uint32_t l = 0; l <= b->meta->constraint_level; l++) {
@@ -66,8 +64,7 @@ void palp_cma_carry(palp_cma *cma) {
     }
 }
 
-void palp_cma_nodal_forces(palp_cma *cma) {
-    palp_cma *c = cma;
+void palp_cma_nodal_forces(palp_cma *c) {
     const palp_blob *b = c->blob;
     const palp_domain *d = &b->domain[PALP_FREE];
     if (b->meta->constraint_level + 1u == d->levels) return;
@@ -95,8 +92,7 @@ static void find_covered(palp_cma *c, uint32_t hats) {
     }
 }
 
-palp_status palp_cma_choose(palp_cma *cma) {
-    palp_cma *c = cma;
+palp_status palp_cma_choose(palp_cma *c) {
     const palp_blob *b = c->blob;
     const uint32_t stored = b->level[b->meta->constraint_level].nodes;
     const uint32_t hats = b->level[c->level].nodes;

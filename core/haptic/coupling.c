@@ -177,9 +177,8 @@ static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float sto
                                        .energy_J = energy};
 }
 
-void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt_s,
+void palp_coupling_take(palp_coupling *coupling, palp_contact *c, float dt_s,
                         palp_coupling_result *result) {
-    const palp_contact *c = contact;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         const float size = palp_tool_size(&c->tools[t]), force = palp_norm(c->force_N[t]);
@@ -194,8 +193,7 @@ void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt
         }
         if (c->tools[t].friction > 0.0f) {
             palp_vec3 before = k->friction.force_N;
-            palp_friction_solve(&k->friction, &coupling->work, contact, t, rest,
-                                k->stiffness_N_per_m);
+            palp_friction_solve(&k->friction, &coupling->work, c, t, rest, k->stiffness_N_per_m);
             rest =
                 palp_madd(rest, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
         }

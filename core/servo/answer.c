@@ -9,8 +9,7 @@
 
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
-float palp_answer_cost_around(const palp_contact_cost *cost) {
-    const palp_contact_cost *c = cost;
+float palp_answer_cost_around(const palp_contact_cost *c) {
     return PRICE(c, TICK) + PRICE(c, QUANTUM) +
            c->tools * (PRICE(c, COUPLE) + PRICE(c, LEAVE) +
                        (float)PALP_COUPLING_SEARCHED * PRICE(c, SOUGHT));
@@ -95,9 +94,8 @@ static float seams_ns(palp_answer *a, uint32_t l) {
     return more - least;
 }
 
-palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *config, void *memory,
+palp_status palp_answer_init(palp_answer *a, const palp_answer_config *config, void *memory,
                              size_t bytes, float *bound_ns) {
-    palp_answer *a = answer;
     bool sound = config->dt_s > 0.0f && palp_cost_table_is_sound(&config->cost) &&
                  config->port.now_ns != NULL &&
                  config->cost.target->instructions.of[PALP_WORK_COMPLIANCE] > 0.0f;
@@ -116,8 +114,7 @@ palp_status palp_answer_init(palp_answer *answer, const palp_answer_config *conf
     return PALP_OK;
 }
 
-void palp_answer_reset(palp_answer *answer) {
-    palp_answer *a = answer;
+void palp_answer_reset(palp_answer *a) {
     palp_contact_clear(&a->contact);
     if (a->config.contact.assembly != NULL) {
         palp_assembly_calm(a->config.contact.assembly);
@@ -317,9 +314,8 @@ uint64_t palp_answer_work(const palp_answer *answer) {
     return answer->contact.work_done + (a != NULL ? a->seams.work_done : 0u);
 }
 
-void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
+void palp_answer_tick(palp_answer *a, uint64_t start_ns, const palp_vec3 *device_m,
                       palp_coupling_result *result, palp_answer_report *report) {
-    palp_answer *a = answer;
     palp_contact *c = &a->contact;
     palp_answer_report r = {.flags = 0};
     a->start_ns = start_ns;

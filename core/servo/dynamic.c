@@ -23,8 +23,7 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points) {
 static float period_ns(const palp_dynamic_config *c) { return c->cost.margin * c->tick_s * 1e9f; }
 
 /* Everything is split, level by level. */
-void palp_dynamic_refine_all(palp_dynamic *dynamic) {
-    palp_dynamic *d = dynamic;
+void palp_dynamic_refine_all(palp_dynamic *d) {
     const palp_tets *t = d->dyna.tets;
     for (uint32_t l = 0; l + 1u < t->meta->levels; l++) {
         for (uint32_t f = t->meta->first_family[l]; f < t->meta->first_family[l + 1u]; f++)
@@ -33,7 +32,7 @@ void palp_dynamic_refine_all(palp_dynamic *dynamic) {
     }
 }
 
-palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
+palp_status palp_dynamic_init(palp_dynamic *d, const palp_dynamic_config *config,
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns) {
     palp_arena a = {memory, 0};
     void *part[3];
@@ -48,7 +47,6 @@ palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *
         palp_check_block(memory, bytes, palp_dynamic_memsize(config->tets, config->max_points));
     if (status != PALP_OK) return status;
     lay_out(&a, config->tets, config->max_points, part, size);
-    palp_dynamic *d = dynamic;
     *d = (palp_dynamic){.config = *config, .price = palp_prices_of(&config->cost)};
     status = palp_dyna_init(&d->dyna, config->tets, &dyna, part[0], size[0]);
     if (status != PALP_OK) return status;
@@ -95,15 +93,13 @@ static float cost_lists(const palp_dynamic *d) {
            PRICE(d, SOURCE) * (float)t->mean_offset[m->nodes];
 }
 
-float palp_dynamic_cost_adapt(const palp_dynamic *dynamic) {
-    const palp_dynamic *d = dynamic;
+float palp_dynamic_cost_adapt(const palp_dynamic *d) {
     float families = (float)d->config.tets->meta->families;
     return PRICE(d, FAMILY) * families * (1.0f + (float)d->adapt.config.max_changes) +
            PRICE(d, ELEMENT_TEST) * (float)d->adapt.config.max_element_tests + cost_lists(d);
 }
 
-float palp_dynamic_cost_tick(const palp_dynamic *dynamic, uint32_t most_class) {
-    const palp_dynamic *d = dynamic;
+float palp_dynamic_cost_tick(const palp_dynamic *d, uint32_t most_class) {
     const palp_dyna *b = &d->dyna;
     return PRICE(d, TICK) + cost_search(d) +
            PRICE(d, ELEMENT) * (float)palp_dyna_work(b, most_class) +
@@ -117,8 +113,7 @@ static float cost_collapse(const palp_dynamic *d) {
     return cost_lists(d) + PRICE(d, SOURCE) * (float)t->mean_offset[t->meta->nodes];
 }
 
-float palp_dynamic_cost_least(const palp_dynamic *dynamic) {
-    const palp_dynamic *d = dynamic;
+float palp_dynamic_cost_least(const palp_dynamic *d) {
     const palp_tets_meta *m = d->config.tets->meta;
     float tets = (float)((m->first_tet[1] + PALP_LANES - 1u) / PALP_LANES * PALP_LANES);
     float after = palp_max(palp_dynamic_cost_adapt(d), cost_collapse(d));
@@ -214,9 +209,8 @@ static void begin_again(palp_dynamic *d, palp_dynamic_report *r) {
     r->lost = true;
 }
 
-void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,
+void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_vec3 *tool_m,
                        palp_vec3 *force_N, palp_dynamic_report *report) {
-    palp_dynamic *d = dynamic;
     uint32_t most_class;
     *report = (palp_dynamic_report){.steps = 0};
     if (choose(d, left_ns(d, start_ns), &most_class, report)) {

@@ -11,11 +11,10 @@ const palp_seam_cost *palp_moving_cost(const palp_moving *moving) {
     return cost_at(moving, moving->contact->assembly->level);
 }
 
-void palp_moving_init(palp_moving *moving, palp_contact *contact, const palp_prices *price,
-                      float dt_s, float share_ns, uint32_t points) {
+void palp_moving_init(palp_moving *m, palp_contact *contact, const palp_prices *price, float dt_s,
+                      float share_ns, uint32_t points) {
     const palp_assembly *a = contact->assembly;
     const palp_seams *q = &a->seams;
-    palp_moving *m = moving;
     *m = (palp_moving){.contact = contact,
                        .price = *price,
                        .dt_s = dt_s,
@@ -100,8 +99,7 @@ static bool take_finer(palp_moving *m, const palp_deadline *d) {
     return palp_assembly_take(a, true);
 }
 
-void palp_moving_tick(palp_moving *moving, const palp_deadline *deadline) {
-    palp_moving *m = moving;
+void palp_moving_tick(palp_moving *m, const palp_deadline *deadline) {
     palp_assembly *a = m->contact->assembly;
     float drift = palp_assembly_drift(a);
     bool near = palp_contact_near(m->contact);
@@ -129,8 +127,7 @@ void palp_moving_tick(palp_moving *moving, const palp_deadline *deadline) {
     m->report.level = a->level;
 }
 
-void palp_moving_spare(palp_moving *moving, const palp_deadline *deadline) {
-    palp_moving *m = moving;
+void palp_moving_spare(palp_moving *m, const palp_deadline *deadline) {
     palp_assembly *a = m->contact->assembly;
     palp_seams *q = &a->seams;
     uint32_t next = a->level == PALP_DIAGONAL ? 0u : a->level + 1u;

@@ -67,9 +67,8 @@ static float given(palp_passivity *p, const palp_passivity_motion *m, uint32_t i
     return work;
 }
 
-void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config,
+void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *c,
                             const palp_passivity_motion *motion) {
-    const palp_passivity_config *c = config;
     const uint32_t more = motion->periods - 1u;
     if (!p->begun) p->gamma = p->sigma = 1.0f;
     pass_period(p, c);
@@ -139,9 +138,8 @@ static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, 
     return palp_min(soft, palp_clamp((ends - soon) / gives, 0.0f, 1.0f));
 }
 
-float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J, float damped_W, bool steady) {
-    const palp_passivity_config *c = config;
+float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
+                           float stored_J, float damped_W, bool steady) {
     const float size = palp_norm(force_N);
     p->energy_J = palp_min(p->energy_J, stored_J);
     p->counted = p->counted && steady;

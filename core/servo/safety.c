@@ -78,9 +78,8 @@ static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *
     }
 }
 
-palp_safety_step palp_safety_tick(palp_safety *safety, uint32_t events, uint32_t periods,
+palp_safety_step palp_safety_tick(palp_safety *s, uint32_t events, uint32_t periods,
                                   const palp_axes_health *axes) {
-    palp_safety *s = safety;
     bool reset = (events & PALP_EVENT_RESET) != 0u && (events & PALP_EVENT_ESTOP) == 0u &&
                  palp_state_is_stopped(s->state);
     if (s->state_ticks < TICKS_LIMIT) s->state_ticks += periods;

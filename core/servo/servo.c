@@ -292,11 +292,9 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     }
 }
 
-uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,
-                         palp_report *report) {
-    palp_servo *s = servo;
+uint32_t palp_servo_tick(palp_servo *s, const palp_tick_input *input, palp_can_frame *out,
+                         palp_report *r) {
     s->start_ns = s->config.port.now_ns(s->config.port.context);
-    palp_report *r = report;
     *r = (palp_report){.tick = s->counters.ticks++,
                        .bound_ns = s->bound_ns,
                        .level = s->answer.contact.now,

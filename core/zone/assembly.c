@@ -83,9 +83,8 @@ static void list_nodes(palp_assembly *a, uint32_t zone) {
     }
 }
 
-palp_status palp_assembly_init(palp_assembly *assembly, const palp_zones *zones, uint32_t finest,
+palp_status palp_assembly_init(palp_assembly *a, const palp_zones *zones, uint32_t finest,
                                void *memory, size_t bytes) {
-    palp_assembly *a = assembly;
     palp_arena arena = {.base = memory};
     if (finest >= PALP_SEAM_LEVELS) return PALP_ERR_LIMITS;
     size_t need = palp_assembly_memsize(zones, finest), seams = palp_seams_memsize(zones, finest);
@@ -130,15 +129,13 @@ void palp_assembly_calm(palp_assembly *assembly) {
     assembly->extent = palp_seams_factor(&assembly->seams)->level;
 }
 
-void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_frame *root) {
-    palp_assembly *a = assembly;
+void palp_assembly_pose(palp_assembly *a, const float *value, const palp_frame *root) {
     palp_configuration_set(a->configuration, a->zones, value, root);
     for (uint32_t i = 0; i < a->zones->meta->zones; i++)
         a->world[i] = palp_configuration_world(a->configuration, i);
 }
 
-float palp_assembly_drift(const palp_assembly *assembly) {
-    const palp_assembly *a = assembly;
+float palp_assembly_drift(const palp_assembly *a) {
     const palp_seam_factor *f = &a->seams.factor[a->seams.now];
     float most = 0.0f;
     for (uint32_t s = 0; s < a->zones->meta->seams; s++) {
@@ -172,16 +169,13 @@ static void share_out(palp_assembly *a) {
         palp_seams_zone(&a->seams, a->configuration, PALP_SEAM_LEVELS - 1u, i, a->w, a->bent[i]);
 }
 
-void palp_assembly_settle(palp_assembly *assembly) {
-    palp_assembly *a = assembly;
+void palp_assembly_settle(palp_assembly *a) {
     solve_bare(a, a->w);
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) a->w[i] += a->carried[i];
     share_out(a);
 }
 
-float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices *price,
-                                uint32_t level) {
-    const palp_assembly *a = assembly;
+float palp_assembly_cost_settle(const palp_assembly *a, const palp_prices *price, uint32_t level) {
     float modes = 0.0f;
     for (uint32_t i = 0; i < a->zones->meta->zones;
          i++) /* mismatch of each seam, product, shares */
@@ -193,8 +187,7 @@ float palp_assembly_cost_settle(const palp_assembly *assembly, const palp_prices
                modes;
 }
 
-void palp_assembly_relax(palp_assembly *assembly, float share) {
-    palp_assembly *a = assembly;
+void palp_assembly_relax(palp_assembly *a, float share) {
     float most = 0.0f;
     for (uint32_t i = 0; i < 3u * a->seams.modes; i++) {
         a->carried[i] -= share * a->carried[i];
@@ -205,8 +198,7 @@ void palp_assembly_relax(palp_assembly *assembly, float share) {
     a->extent = palp_seams_factor(&a->seams)->level;
 }
 
-float palp_assembly_modes(const palp_assembly *assembly, uint32_t zone) {
-    const palp_assembly *a = assembly;
+float palp_assembly_modes(const palp_assembly *a, uint32_t zone) {
     const palp_zone_part *part = &a->zones->part[zone];
     float modes = 0.0f;
     for (uint32_t k = 0; k < part->seams; k++)
@@ -235,8 +227,7 @@ palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32
     return palp_zone_modal_displacement_at_seam(z, level, zone, at >> 24u, at & 0xffffffu, u);
 }
 
-palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t node) {
-    palp_assembly *a = assembly;
+palp_vec3 palp_assembly_bent(palp_assembly *a, uint32_t zone, uint32_t node) {
     const palp_blob *b = &a->zones->blob[zone];
     palp_zone_node *kept = &a->node[zone][node];
     if (kept->when == a->settled) return kept->u_m;
@@ -258,15 +249,12 @@ palp_vec3 palp_assembly_position(palp_assembly *assembly, uint32_t zone, uint32_
                       palp_add(x, palp_assembly_bent(assembly, zone, node)));
 }
 
-palp_vec3 palp_assembly_normal(const palp_assembly *assembly, uint32_t zone, uint32_t node) {
-    const palp_assembly *a = assembly;
+palp_vec3 palp_assembly_normal(const palp_assembly *a, uint32_t zone, uint32_t node) {
     return palp_rotate(a->world[zone].r,
                        palp_vec3_at(a->zones->blob[zone].normal + 3u * (size_t)node));
 }
 
-void palp_assembly_add_modal_load(palp_assembly *assembly, uint32_t zone, const float *felt,
-                                  float *sum) {
-    palp_assembly *a = assembly;
+void palp_assembly_add_modal_load(palp_assembly *a, uint32_t zone, const float *felt, float *sum) {
     palp_seams *q = &a->seams;
     const uint32_t level = palp_seams_factor(q)->level;
     palp_seams_load(q, a->configuration, level, zone, felt, sum);
@@ -283,8 +271,7 @@ void palp_assembly_answer(palp_assembly *assembly, float *sum) {
     palp_seams_backward(q, rest, sum + 3u * (size_t)q->modes);
 }
 
-void palp_assembly_answer_of(palp_assembly *assembly, uint32_t zone, const float *sum, float *u) {
-    palp_assembly *a = assembly;
+void palp_assembly_answer_of(palp_assembly *a, uint32_t zone, const float *sum, float *u) {
     palp_seams *q = &a->seams;
     const uint32_t level = palp_seams_factor(q)->level;
     palp_seams_expand(q, a->configuration, level, zone, sum, u);
@@ -308,8 +295,7 @@ void palp_assembly_load(palp_assembly *assembly, uint32_t zone, const float *fel
     q->work_done += 15u * modes;
 }
 
-const float *palp_assembly_total(palp_assembly *assembly) {
-    palp_assembly *a = assembly;
+const float *palp_assembly_total(palp_assembly *a) {
     palp_seams *q = &a->seams;
     uint32_t level = palp_seams_factor(q)->level;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) { /* modes beyond the level stay out */
@@ -322,8 +308,7 @@ const float *palp_assembly_total(palp_assembly *assembly) {
     return a->total;
 }
 
-bool palp_assembly_take(palp_assembly *assembly, bool smooth) {
-    palp_assembly *a = assembly;
+bool palp_assembly_take(palp_assembly *a, bool smooth) {
     palp_seams *q = &a->seams;
     uint32_t n = 3u * q->modes;
     const palp_seam_factor *f = palp_seams_factor(q), *next = &q->factor[1u - q->now];
@@ -347,9 +332,8 @@ bool palp_assembly_take(palp_assembly *assembly, bool smooth) {
     return true;
 }
 
-void palp_assembly_wrench(palp_assembly *assembly, uint32_t zone, palp_vec3 *force_N,
+void palp_assembly_wrench(palp_assembly *a, uint32_t zone, palp_vec3 *force_N,
                           palp_vec3 *moment_Nm) {
-    palp_assembly *a = assembly;
     palp_seams *q = &a->seams;
     const palp_zone_part *part = &a->zones->part[zone];
     palp_vec3 force = {0.0f, 0.0f, 0.0f}, moment = force;

@@ -89,9 +89,8 @@ static void stiffness(palp_seams *q, uint32_t zone, uint32_t level, const float 
     }
 }
 
-void palp_seams_mismatch(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
+void palp_seams_mismatch(palp_seams *q, const palp_configuration *configuration, uint32_t level,
                          float *r) {
-    palp_seams *q = seams;
     clear(q, r);
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
@@ -120,9 +119,8 @@ void palp_seams_mismatch(palp_seams *seams, const palp_configuration *configurat
     }
 }
 
-void palp_seams_gravity(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
+void palp_seams_gravity(palp_seams *q, const palp_configuration *configuration, uint32_t level,
                         palp_vec3 acceleration_m_s2, float *r) {
-    palp_seams *q = seams;
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         const palp_zone_part *part = &q->zones->part[z];
         if (part->weight == NULL) continue;
@@ -236,9 +234,8 @@ palp_vec3 palp_zone_modal_displacement_at_seam(const palp_zones *zones, uint32_t
     return sum;
 }
 
-void palp_seams_reaction(palp_seams *seams, const palp_configuration *configuration, uint32_t zone,
+void palp_seams_reaction(palp_seams *q, const palp_configuration *configuration, uint32_t zone,
                          const float *w, palp_vec3 acceleration_m_s2) {
-    palp_seams *q = seams;
     const palp_zone_part *part = &q->zones->part[zone];
     palp_vec3 local = palp_rotate_back(configuration->frame[zone].r, acceleration_m_s2);
     expand(q, configuration->relative, PALP_SEAM_LEVELS - 1u, zone, w, true, q->zone_modes);
@@ -248,9 +245,8 @@ void palp_seams_reaction(palp_seams *seams, const palp_configuration *configurat
             palp_add(at(q->zone_forces, i), palp_rotate(part->weight + 9u * i, local)));
 }
 
-float palp_seams_energy(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
+float palp_seams_energy(palp_seams *q, const palp_configuration *configuration, uint32_t level,
                         const float *w) {
-    palp_seams *q = seams;
     float energy = 0.0f;
     for (uint32_t z = 0; z < q->zones->meta->zones; z++) {
         expand(q, configuration->relative, level, z, w, true, q->zone_modes);
@@ -281,9 +277,8 @@ static float dot(const palp_seams *q, const float *x, const float *y) {
     return sum;
 }
 
-float palp_seams_iterate(palp_seams *seams, const palp_configuration *configuration, const float *r,
+float palp_seams_iterate(palp_seams *q, const palp_configuration *configuration, const float *r,
                          uint32_t iterations, float *w) {
-    palp_seams *q = seams;
     uint32_t level = palp_seams_factor(q)->level;
     float *rest = q->work[0], *z = q->work[1], *p = q->work[2], *ap = q->work[3];
     clear(q, w);

@@ -26,9 +26,8 @@ static void measure_closure(palp_configuration *p, const palp_joint_entry *j) {
     p->open_rad = palp_max(p->open_rad, turned);
 }
 
-void palp_configuration_set(palp_configuration *configuration, const palp_zones *zones,
-                            const float *value, const palp_frame *root) {
-    palp_configuration *p = configuration;
+void palp_configuration_set(palp_configuration *p, const palp_zones *zones, const float *value,
+                            const palp_frame *root) {
     p->clamped = 0;
     p->open_m = p->open_rad = 0.0f;
     if (palp_vec3_is_finite(root->t) && palp_is_rotation(root->r)) {

@@ -326,10 +326,7 @@ const palp_seam_factor *palp_seams_at_rest(const palp_seams *seams) {
     return &seams->rest[f->diagonal ? PALP_SEAM_LEVELS : f->level];
 }
 
-void palp_seams_forward(palp_seams *seams, const palp_seam_factor *factor, float *y,
-                        uint64_t *touched) {
-    palp_seams *q = seams;
-    const palp_seam_factor *f = factor;
+void palp_seams_forward(palp_seams *q, const palp_seam_factor *f, float *y, uint64_t *touched) {
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         if ((*touched >> s & 1u) == 0u) continue;
         size_t n = unknowns(q, s, f->level);
@@ -364,10 +361,8 @@ static void apply_upper_many(const float *u, size_t n, float *y, size_t stride, 
     }
 }
 
-void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, float *y,
-                             size_t stride, size_t count, uint64_t *touched) {
-    palp_seams *q = seams;
-    const palp_seam_factor *f = factor;
+void palp_seams_forward_many(palp_seams *q, const palp_seam_factor *f, float *y, size_t stride,
+                             size_t count, uint64_t *touched) {
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         if ((*touched >> s & 1u) == 0u) continue;
         const size_t n = unknowns(q, s, f->level);
@@ -395,9 +390,7 @@ void palp_seams_forward_many(palp_seams *seams, const palp_seam_factor *factor, 
     }
 }
 
-void palp_seams_backward(palp_seams *seams, const palp_seam_factor *factor, float *x) {
-    palp_seams *q = seams;
-    const palp_seam_factor *f = factor;
+void palp_seams_backward(palp_seams *q, const palp_seam_factor *f, float *x) {
     for (uint32_t s = q->zones->meta->seams; s-- > 0u;) {
         size_t n = unknowns(q, s, f->level);
         float *own = x + 3u * q->first_mode[s];
@@ -472,8 +465,7 @@ float palp_seams_cost_step(const palp_seams *seams, const palp_prices *price, ui
     return most;
 }
 
-float palp_seams_cost_forward(const palp_seams *seams, const palp_prices *price, uint32_t level) {
-    const palp_seams *q = seams;
+float palp_seams_cost_forward(const palp_seams *q, const palp_prices *price, uint32_t level) {
     float products = 0.0f;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         float n = (float)unknowns(q, s, level);
@@ -484,8 +476,7 @@ float palp_seams_cost_forward(const palp_seams *seams, const palp_prices *price,
     return PRICE(SEAM) * (float)q->zones->meta->seams + PRICE(SEAM_PRODUCT) * products;
 }
 
-float palp_seams_cost_solve(const palp_seams *seams, const palp_prices *price, uint32_t level) {
-    const palp_seams *q = seams;
+float palp_seams_cost_solve(const palp_seams *q, const palp_prices *price, uint32_t level) {
     float products = 0.0f;
     for (uint32_t s = 0; s < q->zones->meta->seams; s++) {
         float n = (float)unknowns(q, s, level);
@@ -534,9 +525,8 @@ static bool make_samples(palp_seams *q, uint32_t s) {
     return true;
 }
 
-palp_status palp_seams_init(palp_seams *seams, const palp_zones *zones, uint32_t finest,
-                            void *memory, size_t bytes) {
-    palp_seams *q = seams;
+palp_status palp_seams_init(palp_seams *q, const palp_zones *zones, uint32_t finest, void *memory,
+                            size_t bytes) {
     palp_arena arena = {.base = memory};
     uint64_t later[PALP_MAX_SEAMS];
     size_t need = palp_seams_memsize(zones, finest);

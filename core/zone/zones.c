@@ -141,8 +141,7 @@ bool palp_zones_are_here(const void *data, size_t bytes) {
     return r.status == PALP_OK && palp_reader_has(&r, PALP_SEC_ZONES);
 }
 
-palp_status palp_zones_open(palp_zones *zones, const void *data, size_t bytes) {
-    palp_zones *z = zones;
+palp_status palp_zones_open(palp_zones *z, const void *data, size_t bytes) {
     palp_reader r = palp_reader_open(data, bytes);
     *z = (palp_zones){.nodes = 0};
     z->meta = palp_reader_section(&r, PALP_SEC_ZONES, 1, sizeof *z->meta);
