@@ -4,6 +4,7 @@
 #include "port/host/view.h"
 #include <inttypes.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -100,12 +101,62 @@ static void describe_levels(const run_record *r, char *text, size_t size) {
     }
 }
 
-static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
-    float *us = tick_times_us(r);
-    quantiles q = quantiles_of(us, r->count);
-    const run_totals *total = &r->totals;
-    const palp_counters *c = &total->counters;
+/* Writes the lines of a summary, one after the other. */
+typedef struct {
+    FILE *file;
+    const run_record *r;
+    line_writer *put;
+} summary;
+
+static void line(const summary *s, const char *name, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void line(const summary *s, const char *name, const char *format, ...) {
+    char text[512];
+    va_list values;
+    va_start(values, format);
+    vsnprintf(text, sizeof text, format, values);
+    va_end(values);
+    s->put(s->file, name, text);
+}
+
+/* What a run is, and in which state it ended. */
+static void lines_of_run(const summary *s) {
+    const run_record *r = s->r;
     const palp_report *last = &r->tick[r->count - 1];
+    char faults[128];
+    report_faults(last->faults, faults, sizeof faults);
+    line(s, "ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
+         r->device_name);
+    line(s, "state", "%s, faults latched: %s", report_state(last->state),
+         last->faults != 0 ? faults : "none");
+}
+
+static void lines_of_time(const summary *s) {
+    const run_record *r = s->r;
+    const palp_counters *c = &r->totals.counters;
+    float *us = tick_times_us(r);
+    const quantiles q = quantiles_of(us, r->count);
+    if (r->totalled)
+        line(s, "overruns",
+             "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
+             " ticks shortened by the clock",
+             c->overruns, c->skipped, c->shortened);
+    else
+        line(s, "overruns", NOT_IN_LOG);
+    line(s, "tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99,
+         q.p999, q.max);
+    if (r->late_us != NULL) {
+        const quantiles w = quantiles_of(r->late_us, r->count);
+        line(s, "wake-up lateness", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", w.p50,
+             w.p99, w.p999, w.max);
+    }
+    free(us);
+}
+
+static void lines_of_contact(const summary *s) {
+    const run_record *r = s->r;
+    const palp_counters *c = &r->totals.counters;
     uint32_t most_active = 0, most_points = 0;
     size_t touching = 0, spent = 0, full = 0, held = 0;
     float doubt_N = 0;
@@ -119,85 +170,80 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
         spent += (t->contact_flags & PALP_CONTACT_SPENT) != 0 ? 1 : 0;
         full += (t->contact_flags & PALP_CONTACT_FULL) != 0 ? 1 : 0;
     }
-    char text[512];
-#define LINE(name, ...)                                                                            \
-    do {                                                                                           \
-        snprintf(text, sizeof text, __VA_ARGS__);                                                  \
-        put(f, name, text);                                                                        \
-    } while (0)
-/* What only a run that has ended knows. */
-#define COUNTED(name, ...)                                                                         \
-    do {                                                                                           \
-        if (r->totalled)                                                                           \
-            LINE(name, __VA_ARGS__);                                                               \
-        else                                                                                       \
-            LINE(name, NOT_IN_LOG);                                                                \
-    } while (0)
-    LINE("ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
-         r->device_name);
-    char faults[128];
-    report_faults(last->faults, faults, sizeof faults);
-    LINE("state", "%s, faults latched: %s", report_state(last->state),
-         last->faults != 0 ? faults : "none");
-    COUNTED("overruns",
-            "%" PRIu64 " ticks longer than the period, %" PRIu64 " periods skipped, %" PRIu64
-            " ticks shortened by the clock",
-            c->overruns, c->skipped, c->shortened);
-    LINE("tick latency", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", q.p50, q.p99,
-         q.p999, q.max);
-    if (r->late_us != NULL) {
-        quantiles w = quantiles_of(r->late_us, r->count);
-        LINE("wake-up lateness", "p50 %.1f us, p99 %.1f us, p99.9 %.1f us, max %.1f us", w.p50,
-             w.p99, w.p999, w.max);
-    }
     char levels[256];
     describe_levels(r, levels, sizeof levels);
-    if (!r->totalled)
-        LINE("levels", "%s; %zu ticks held as foreseen", levels, held);
-    else
-        LINE("levels",
+    if (r->totalled)
+        line(s, "levels",
              "%s; made coarser %" PRIu64 " times, finer again %" PRIu64
              "; %zu ticks held as foreseen",
              levels, c->coarsened, c->refined, held);
+    else
+        line(s, "levels", "%s; %zu ticks held as foreseen", levels, held);
     if (r->from_log)
-        LINE("contact",
+        line(s, "contact",
              "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
              " points in contact; how well they were settled is not in a log",
              touching, most_active, most_points);
     else
-        LINE("contact",
+        line(s, "contact",
              "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
              " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
              "force may have been off by %.3g N at most",
              touching, most_active, most_points, spent, full, (double)doubt_N);
-    COUNTED("frames",
-            "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
-            " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
-            " dropped by the kernel",
-            c->accepted, c->rejected, c->repeated, c->late, c->implausible, total->frames_sent,
-            total->frames_lost, total->frames_dropped);
-    LINE("bus", "%s", r->bus_load);
-    COUNTED("guards",
-            "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
-            " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
-            " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
-            c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
-            c->bus_warnings, c->overflows, c->resets);
-    COUNTED("loop",
-            "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
-            total->minor_faults, total->unrecorded);
-    if (!r->totalled)
-        LINE("largest force", "%.3f N", (double)largest_force(r));
+}
+
+static void lines_of_bus(const summary *s) {
+    const run_record *r = s->r;
+    const run_totals *total = &r->totals;
+    const palp_counters *c = &total->counters;
+    if (r->totalled)
+        line(s, "frames",
+             "%" PRIu64 " accepted, %" PRIu64 " rejected, %" PRIu64 " repeated, %" PRIu64
+             " late, %" PRIu64 " implausible; %" PRIu64 " sent, %" PRIu64 " lost; %" PRIu64
+             " dropped by the kernel",
+             c->accepted, c->rejected, c->repeated, c->late, c->implausible, total->frames_sent,
+             total->frames_lost, total->frames_dropped);
     else
-        LINE("largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
-             c->limited);
-    LINE("energy",
+        line(s, "frames", NOT_IN_LOG);
+    line(s, "bus", "%s", r->bus_load);
+    if (r->totalled)
+        line(s, "guards",
+             "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
+             " ticks braked for passivity, %" PRIu64 " outside, %" PRIu64 " tardy; bus: %" PRIu64
+             " faults, %" PRIu64 " warnings, %" PRIu64 " overflows; %" PRIu64 " resets",
+             c->corrupt, c->gaps, c->frozen, c->braked, c->outside, c->tardy, c->bus_faults,
+             c->bus_warnings, c->overflows, c->resets);
+    else
+        line(s, "guards", NOT_IN_LOG);
+    if (r->totalled)
+        line(s, "loop",
+             "%" PRIu64 " minor page faults after the start, %" PRIu64 " ticks not on record",
+             total->minor_faults, total->unrecorded);
+    else
+        line(s, "loop", NOT_IN_LOG);
+}
+
+static void lines_of_force(const summary *s) {
+    const run_record *r = s->r;
+    const palp_report *last = &r->tick[r->count - 1];
+    if (r->totalled)
+        line(s, "largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
+             r->totals.counters.limited);
+    else
+        line(s, "largest force", "%.3f N", (double)largest_force(r));
+    line(s, "energy",
          "given to the hand: %.3g J (beyond what it had put in); absorbed from it %.4g J at the "
          "end, smallest margin %.3g J",
          (double)largest_given(r), (double)last->absorbed_J, (double)smallest_energy_margin(r));
-#undef COUNTED
-#undef LINE
-    free(us);
+}
+
+static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
+    const summary s = {f, r, put};
+    lines_of_run(&s);
+    lines_of_time(&s);
+    lines_of_contact(&s);
+    lines_of_bus(&s);
+    lines_of_force(&s);
 }
 
 static void put_plain(FILE *f, const char *name, const char *text) {

@@ -424,6 +424,69 @@ static void find_speed(machine *speed, const daemon_spec *s, const palp_blob *bl
     pthread_join(realtime_start(&s->realtime, "palp-measure", run_calibration, &c), NULL);
 }
 
+typedef struct {
+    output log, page, view; /* without a file: not asked for */
+} daemon_output;
+
+/* What the loop is told, and the ring through which its ticks come. */
+static void set_loop(servo_loop *loop, const daemon_spec *s) {
+    loop->rate_hz = s->rate_hz;
+    loop->ticks = (uint64_t)(s->seconds * s->rate_hz + 0.5);
+    loop->lockstep = s->lockstep;
+    loop->hold = s->hold;
+    loop->home = s->home;
+    loop->paced = !s->no_wait && !s->lockstep;
+    loop->ring.slots = RING_SLOTS;
+    loop->ring.bytes = sizeof(tick_record);
+    loop->ring.memory = allocate(RING_SLOTS, sizeof(tick_record));
+    /* Every page is touched now, locked or not, so that the loop never faults. */
+    memset(loop->ring.memory, 1, RING_SLOTS * sizeof(tick_record));
+}
+
+static palp_servo_config configure(const daemon_spec *s, const device_file *file,
+                                   const touch_frame *touch, servo_loop *loop) {
+    palp_servo_config config = {.device = file->device,
+                                .placement = touch->placement,
+                                .finest = PALP_CONTACT_FINEST,
+                                .tool = palp_tool_sphere(touch->tool_radius_m),
+                                .cost = {.target = &palp_target_counted,
+                                         .ns_per_instruction = LOCKSTEP_NS,
+                                         .margin = TICK_SHARE},
+                                .port = {.now_ns = loop_clock, .context = loop},
+                                .resume = s->resume};
+    config.tool.friction = (float)s->friction;
+    config.tool.sliding = (float)s->sliding;
+    return config;
+}
+
+/* What the run came to, as text, log, page and picture. */
+static void write_results(consumer *f, const palp_blob *blob, daemon_output *out) {
+    const servo_loop *loop = f->loop;
+    run_record *r = &f->record;
+    r->totals = (run_totals){.counters = f->counters,
+                             .frames_sent = loop->memory != NULL ? simulated.sent : loop->port.sent,
+                             .frames_lost = loop->memory != NULL ? simulated.lost : loop->port.lost,
+                             .frames_dropped = loop->port.dropped,
+                             .unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0,
+                             .minor_faults = loop->minor_faults};
+    r->totalled = true;
+    r->displacement_m = peak_displacement(blob, &f->peak);
+    memcpy(r->tool_m, &f->peak.tool_m, sizeof r->tool_m);
+    report_text(stdout, r);
+    if (out->log.file != NULL) {
+        record_write_totals(out->log.file, (double)f->last_tick / r->rate_hz, &r->totals);
+        commit_output(&out->log);
+    }
+    if (out->page.file != NULL) {
+        report_html(out->page.file, r);
+        commit_output(&out->page);
+    }
+    if (out->view.file != NULL) {
+        view_draw(out->view.file, blob, r->displacement_m, r->tool_m, r->tool_radius_m, 960, 560);
+        commit_output(&out->view);
+    }
+}
+
 int main(int argc, char **argv) {
     daemon_spec s = {.hand = "touch",
                      .rate_hz = 1000,
@@ -441,43 +504,23 @@ int main(int argc, char **argv) {
     check_node(&s, &blob);
     servo_loop *loop = allocate(1, sizeof *loop);
     open_bus(loop, &s, &file);
-    output log = {0}, page = {0}, view = {0};
-    if (s.log != NULL) log = open_output(s.log);
-    if (s.report != NULL) page = open_output(s.report);
-    if (s.view != NULL) view = open_output(s.view);
+    daemon_output out = {.log = {0}};
+    if (s.log != NULL) out.log = open_output(s.log);
+    if (s.report != NULL) out.page = open_output(s.report);
+    if (s.view != NULL) out.view = open_output(s.view);
 
     realtime_prepare(&s.realtime);
     touch_frame touch = place_body(&blob, &file.device, s.touch);
-    palp_servo_config config = {.device = file.device,
-                                .placement = touch.placement,
-                                .finest = PALP_CONTACT_FINEST,
-                                .tool = palp_tool_sphere(touch.tool_radius_m),
-                                .cost = {.target = &palp_target_counted,
-                                         .ns_per_instruction = LOCKSTEP_NS,
-                                         .margin = TICK_SHARE},
-                                .port = {.now_ns = loop_clock, .context = loop},
-                                .resume = s.resume};
-    config.tool.friction = (float)s.friction;
-    config.tool.sliding = (float)s.sliding;
+    palp_servo_config config = configure(&s, &file, &touch, loop);
     machine speed;
     if (!s.lockstep) {
         find_speed(&speed, &s, &blob, &config.tool, touch.node);
         config.cost = machine_table(&speed, TICK_SHARE);
     }
     loop->servo = open_servo(&blob, &config);
-    loop->rate_hz = s.rate_hz;
-    loop->ticks = (uint64_t)(s.seconds * s.rate_hz + 0.5);
-    loop->lockstep = s.lockstep;
-    loop->hold = s.hold;
-    loop->home = s.home;
-    loop->paced = !s.no_wait && !s.lockstep;
-    loop->ring.slots = RING_SLOTS;
-    loop->ring.bytes = sizeof(tick_record);
-    loop->ring.memory = allocate(RING_SLOTS, sizeof(tick_record));
-    /* Every page is touched now, locked or not, so that the loop never faults. */
-    memset(loop->ring.memory, 1, RING_SLOTS * sizeof(tick_record));
+    set_loop(loop, &s);
 
-    consumer f = {.spec = &s, .loop = loop, .device = &file.device, .log = log.file};
+    consumer f = {.spec = &s, .loop = loop, .device = &file.device, .log = out.log.file};
     f.capacity =
         s.seconds > 0 ? (size_t)fmin(s.seconds * s.rate_hz + 1, MAX_RECORDED) : MAX_RECORDED;
     f.record = (run_record){.tick = allocate(f.capacity, sizeof *f.record.tick),
@@ -490,7 +533,7 @@ int main(int argc, char **argv) {
                             .blob = &blob,
                             .tool_radius_m = touch.tool_radius_m};
     if (s.dds) f.telemetry = telemetry_open(&file.device);
-    if (s.log != NULL) log_session(log.file, &s, &config);
+    if (s.log != NULL) log_session(out.log.file, &s, &config);
     printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
            ", scale %.4g, coupling %.4g N/m, %.3g ns per instruction\n",
            s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
@@ -504,28 +547,6 @@ int main(int argc, char **argv) {
     if (f.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
     unroll(&f);
 
-    run_record *r = &f.record;
-    r->totals = (run_totals){.counters = f.counters,
-                             .frames_sent = loop->memory != NULL ? simulated.sent : loop->port.sent,
-                             .frames_lost = loop->memory != NULL ? simulated.lost : loop->port.lost,
-                             .frames_dropped = loop->port.dropped,
-                             .unrecorded = loop->paced ? atomic_load(&loop->ring.dropped) : 0,
-                             .minor_faults = loop->minor_faults};
-    r->totalled = true;
-    r->displacement_m = peak_displacement(&blob, &f.peak);
-    memcpy(r->tool_m, &f.peak.tool_m, sizeof r->tool_m);
-    report_text(stdout, r);
-    if (s.log != NULL) {
-        record_write_totals(log.file, (double)f.last_tick / s.rate_hz, &r->totals);
-        commit_output(&log);
-    }
-    if (s.report != NULL) {
-        report_html(page.file, r);
-        commit_output(&page);
-    }
-    if (s.view != NULL) {
-        view_draw(view.file, &blob, r->displacement_m, r->tool_m, r->tool_radius_m, 960, 560);
-        commit_output(&view);
-    }
+    write_results(&f, &blob, &out);
     return conclude(&s, &f);
 }
