@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Interface nodes: where they are, and to whom the forces on them go. */
+/* Interface nodes: their positions, and the nodes that forces on them go to. */
 #include "dyna.h"
 
 /* What a node follows: the corners of its container, or children of its family. */

@@ -168,8 +168,8 @@ static void choose_level(palp_answer *a) {
 
 /* ---- the tick ---- */
 
-/* A contact that presses and is not found is looked for again in the next ticks before it is let
- * go; meanwhile the tool goes on as foreseen, which lets go by itself when the device draws back.
+/* A contact that pressed and is not found is searched again in the next ticks before it is given
+ * up. Meanwhile the tool goes on as foreseen, and comes free by itself when the device draws back.
  */
 static bool bridges(palp_answer *a) {
     bool pressing = false;

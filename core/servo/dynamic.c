@@ -150,8 +150,8 @@ static bool choose(palp_dynamic *d, float left_ns, uint32_t *most_class, palp_dy
     return true;
 }
 
-/* What the budget leaves beside a tick on the finest steps; each evaluation comes with its share of
- * nodes and interface. */
+/* What a tick on the finest steps leaves of the budget. An evaluation counts with its share of
+ * nodes and of the interface. */
 static palp_adapt_room room_left(const palp_dynamic *d) {
     float whole = period_ns(&d->config);
     return (palp_adapt_room){.spare = whole - palp_dynamic_cost_tick(d, d->dyna.top_class),
@@ -199,7 +199,7 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
     d->work_ns += (uint64_t)(palp_dynamic_cost_tick(d, most_class) - palp_dynamic_cost_adapt(d));
 }
 
-/* Numbers beyond what floats hold: the body is put back to rest, and nothing is felt. */
+/* Numbers that a float cannot hold: the body is put back to rest, with zero force. */
 static void begin_again(palp_dynamic *d, palp_dynamic_report *r) {
     palp_adapt_reset(&d->adapt);
     if (d->config.uniform) palp_dynamic_refine_all(d);

@@ -44,7 +44,7 @@ void palp_moving_init(palp_moving *m, palp_contact *contact, const palp_prices *
     }
 }
 
-/* What follows a factor on `level`, and what the forces of the last tick cost to hand over. */
+/* Cost of what follows a factor on `level`, and of handing over the forces of the last tick. */
 static float cost_after(const palp_moving *m, uint32_t level) {
     const palp_seam_cost *c = cost_at(m, level);
     return 2.0f * c->settle + 2.0f * c->solve + m->load_ns + c->contact;
@@ -116,8 +116,8 @@ void palp_moving_tick(palp_moving *m, const palp_deadline *deadline) {
         (void)take_finer(m, deadline);
     } else {
         m->finer = false;
-        /* What a change of level is measured against; without time for it, the last tick's will do.
-         */
+        /* The displacement that a change of level is compared with; without time for it, that of
+         * the last tick. */
         float before_ns = cost_at(m, a->level)->settle + cost_of(m, PALP_DIAGONAL);
         if (drift <= PALP_REUSE_FAR && before_ns <= palp_left_ns(deadline)) palp_assembly_settle(a);
         m->barred = PALP_NONE;

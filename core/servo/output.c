@@ -30,9 +30,8 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
         slew_Nm[i] = palp_norm((palp_vec3){x[i], y[i], z[i]}) / palp_abs(device->gear[i]);
 }
 
-/* The integrator's own torque at motor i. It follows what is wanted with what the contact leaves of
- * the slew limit, and has what the rest of the torque leaves of the motor's. What fades the force
- * (`share`) fades it at once. */
+/* Feed-forward torque at motor i. It follows `wanted_Nm` within what the contact leaves of the slew
+ * limit, and within what the other torques leave of the motor's limit. `share` fades it at once. */
 static float feed_forward(palp_output *output, float wanted_Nm, float share,
                           float contact_torque_Nm, float rest_Nm, float limit_Nm, float slew_Nm,
                           uint32_t i, bool *slewed) {

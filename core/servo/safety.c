@@ -23,7 +23,7 @@ static bool repeatedly_late(const palp_safety *s) {
     return palp_bits(s->tardy_history) >= PALP_TARDY;
 }
 
-/* What is a fault in any state. A full queue before anybody answers is no news. */
+/* What is a fault in any state. A full queue before any drive has been heard is not a fault. */
 static uint32_t bus_faults(const palp_safety *s, uint32_t events) {
     uint32_t bad = PALP_EVENT_BUS_OFF | PALP_EVENT_BUS_DOWN;
     if (s->state != PALP_STATE_INIT) bad |= PALP_EVENT_BUS_FULL;
@@ -45,7 +45,8 @@ static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
 static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *a) {
     bool steady = seconds(s, s->healthy_ticks) >= PALP_CHECK_S;
     bool impatient = seconds(s, s->state_ticks) > PALP_PATIENCE_S;
-    /* Whatever state the drives were found in, what they say must be younger than the sequence. */
+    /* Drives may have been found in any state: only answers younger than the enable sequence count.
+     * */
     uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
     bool acting = a->enabled && a->healthy && a->status_age + settle < s->state_ticks;
     switch (s->state) {

@@ -238,7 +238,7 @@ static palp_pose read_pose(palp_servo *s, palp_report *r) {
     return pose;
 }
 
-/* The books of what the motors give. */
+/* Tells the passivity observer what the encoders say. */
 static void observe(palp_servo *s) {
     palp_passivity_motion m = {.periods = s->periods, .certain_m_s = s->certain_m_s};
     for (uint32_t i = 0; i < s->axes.count; i++) {
@@ -257,8 +257,8 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
         return;
     }
     observe(s);
-    /* What holds the mechanism up comes and goes with the force; friction is only followed by who
-     * knows the velocity, and never against the brake of DAMPING. */
+    /* Gravity compensation fades with the force. Friction is compensated only while the velocity is
+     * known, and never against the brake of DAMPING. */
     bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
     float gain = palp_safety_gain(&s->safety);
     float damped_W = 0.0f;

@@ -35,7 +35,7 @@ static uint32_t count_modes(const palp_zones *z, uint32_t finest) {
     return sum;
 }
 
-/* Apart, so that its frame is not there while the seams are measured. */
+/* A function of its own, so that its stack frame is gone before the seams are initialised. */
 __attribute__((noinline)) static size_t memsize_with(const palp_zones *zones, uint32_t finest,
                                                      size_t seams) {
     palp_arena arena = {0};
@@ -70,7 +70,8 @@ static void find_gravity_response(palp_assembly *a, uint32_t zone) {
     }
 }
 
-/* Nothing is known of a zone's nodes yet but where they are on its seams: the first, if several. */
+/* So far all that is known of a zone's nodes is where they are on its seams; on the first of
+ * several. */
 static void list_nodes(palp_assembly *a, uint32_t zone) {
     const palp_zones *z = a->zones;
     const palp_zone_part *part = &z->part[zone];

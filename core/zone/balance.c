@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Seams, second half: both sides of the balance of forces, zone by zone, and its iterative
- * solution. */
+/* The balance of forces at the seams: both sides of it, zone by zone, and its iterative solution.
+ * */
 #include "seams.h"
 
 /* ---- products, zone by zone ---- */
