@@ -12,10 +12,11 @@
  *     one body on a haptic device       palp_blob_open, palp_servo_memsize, palp_servo_open;
  *                                       then palp_servo_tick once a period
  *     tools without a device            palp_blob_open, palp_answer_memsize, palp_answer_init;
- *                                       then palp_answer_tick
- *     a multizone model                 palp_zones_open, palp_assembly_init,
- *                                       palp_answer_memsize, palp_answer_init; then
- *                                       palp_answer_pose, palp_answer_tick, palp_answer_spare
+ *                                       set coupling.tool[t].stiffness_N_per_m (above 0) and
+ *                                       damping of each tool; then palp_answer_tick
+ *     a multizone model                 palp_zones_open, palp_assembly_memsize, palp_assembly_init,
+ *                                       palp_answer_memsize, palp_answer_init, stiffness as
+ *                                       above; then palp_answer_pose, palp_answer_tick, palp_answer_spare
  *     a dynamic body                    palp_tets_open, palp_dynamic_memsize, palp_dynamic_init;
  *                                       then palp_dynamic_tick
  *     any boundary value problem        palp_blob_open, palp_cma_memsize, palp_cma_init,
@@ -45,7 +46,7 @@
  *               memcpy, memmove, memset and memcmp. Every loop is bounded by counts of the blob
  *               and of the limits given at init; costs are stated in these. A clock is read only
  *               through palp_port.
- *     stack     At most PALP_SERVO_STACK bytes, any call.
+ *     stack     At most PALP_SERVO_STACK bytes, any call, besides what the port's clock takes.
  *     numbers   SI units, in each name that has one (_m _N _s _rad _N_per_m). Numbers from outside
  *               may be anything, NaN too, where a function says which error it returns or that it
  *               clamps; elsewhere they must be finite.

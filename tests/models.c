@@ -270,7 +270,7 @@ void model_refine(palp_dyna *dyna, uint32_t level) {
         for (uint32_t f = m->first_family[l]; f < m->first_family[l + 1]; f++) {
             const palp_tets *t = dyna->tets;
             for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1]; k++)
-                palp_dyna_hang(dyna, t->child[k]);
+                palp_dyna_embed(dyna, t->child[k]);
             dyna->split[f] = 1;
         }
         palp_dyna_relist(dyna);

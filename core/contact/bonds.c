@@ -112,7 +112,7 @@ void palp_contact_bond_corners(palp_contact *c) {
     }
 }
 
-void palp_contact_load(palp_contact *c) {
+void palp_contact_load_seams(palp_contact *c) {
     const palp_contact_point *point = c->solved ? c->point : c->before;
     const palp_contact_facing *facing = c->solved ? c->facing : c->facing_before;
     const uint32_t points = c->solved ? c->count : c->count_before;

@@ -77,7 +77,7 @@ void palp_contact_begin(palp_contact *c, const palp_vec3 *tool_m,
         c->patch[t].tool_m = tool_m[t];
         c->spring[t] = spring[t];
     }
-    palp_contact_place(c);
+    palp_contact_choose_patches(c);
     c->filling = palp_contact_next(c);
     if (c->filling < c->patches) c->far_share = foreseen_share(c, &c->patch[c->filling]);
     c->forward = 0.0f;

@@ -59,7 +59,7 @@
 #define PALP_CONTACT_ITERATIONS 12u  /* changes of the active set in one tick at most */
 #define PALP_CONTACT_ROWS 8u         /* of g that one call assembles */
 #define PALP_CONTACT_PAIR_REACH                                                                    \
-    4.0f                        /* edges about where zones meet, within which nodes are looked at */
+    4.0f                        /* edges about where zones meet, within which nodes are searched */
 #define PALP_CONTACT_SCAN 4u    /* nodes that a tick compares with other zones in turn */
 #define PALP_CONTACT_TRACKED 4u /* pairs of zones whose nearest nodes it follows */
 
@@ -148,7 +148,7 @@ typedef struct {
     uint32_t count;                              /* contact points */
     uint32_t count_before;
     bool solved;     /* the last tick was finished */
-    bool approached; /* a tool looked at nodes of a zone in this tick */
+    bool approached; /* a tool tested nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     palp_vec3 rest_m[PALP_CONTACT_TOOLS];        /* where they come to rest */
     palp_vec3 force_N[PALP_CONTACT_TOOLS];       /* exact, on each tool */
@@ -233,7 +233,7 @@ palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *
 bool palp_contact_near(const palp_contact *contact);
 
 /* Tells the assembly the forces of the last tick. */
-void palp_contact_load(palp_contact *contact);
+void palp_contact_load_seams(palp_contact *contact);
 
 /* What of the elastic energy is due to a tool or pair with this sum of lambda: its share of all. */
 float palp_contact_energy(const palp_contact *contact, float normal_N);

@@ -58,7 +58,7 @@ void palp_contact_open_patches(palp_contact *contact);
 uint32_t palp_contact_next(palp_contact *contact);
 
 /* Which patches this tick has, and where they see what presses. */
-void palp_contact_place(palp_contact *contact);
+void palp_contact_choose_patches(palp_contact *contact);
 
 /* ---- compliance.c ---- */
 

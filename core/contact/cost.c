@@ -40,7 +40,7 @@ static uint32_t nodes_around(const palp_blob *b, const uint32_t met[3]) {
     return most;
 }
 
-/* Nodes and rows of cells of one more body that may be looked at within `reach`. */
+/* nodes and rows of cells of one more body that may be visited within `reach`. */
 static void around(const palp_blob *blob, float reach, palp_contact_presser *p) {
     uint32_t met[3];
     for (uint32_t k = 0; k < 3u; k++) met[k] = cells_met(blob->meta, k, reach);

@@ -5,7 +5,7 @@
  *
  *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool
  *   N            most nodes of the search grid's cells around a tool, wherever it is
- *   looks, crossings, rings, feet: the most of one filling (lattice.h)
+ *   shots, crossings, rings, feet: the most of one filling (lattice.h)
  */
 #ifndef PALP_CONTACT_COST_H
 #define PALP_CONTACT_COST_H
@@ -46,8 +46,8 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
 palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32_t level);
 
 /* palp_contact_begin on a multizone model: zones tools SOUGHT, and where zones touch each other
- * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs followed) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
- * CROSSING + cells AROUND) + pairs followed (ring + 1)^2 AROUND + 2 pairs in contact (ring AROUND +
+ * (PALP_CONTACT_SCAN (zones - 1) + 2 pairs tracked) (2 BENT + SHOT + PALP_SURFACE_CROSSINGS
+ * CROSSING + cells AROUND) + pairs tracked (ring + 1)^2 AROUND + 2 pairs in contact (ring AROUND +
  * FILLING). */
 float palp_contact_cost_patches(const palp_contact_cost *cost);
 
@@ -57,7 +57,7 @@ float palp_contact_cost_patches(const palp_contact_cost *cost);
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + looks + wanted + rings max_ring + 10 feet + 1; shots: looks + 4 feet;
+ * max_ring; evaluations: N + shots + wanted + rings max_ring + 10 feet + 1; shots: PALP_LATTICE_SHOTS + 4 feet;
  * crossings. To begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);

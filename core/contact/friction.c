@@ -105,7 +105,7 @@ typedef struct {
 } system;
 
 /* B v */
-static palp_vec3 give(const palp_friction *f, palp_vec3 v) {
+static palp_vec3 far_displacement(const palp_friction *f, palp_vec3 v) {
     const palp_symmetric2 b = f->far_m_per_N;
     const float x = palp_dot(f->tangent[0], v), y = palp_dot(f->tangent[1], v);
     return palp_madd(palp_scale(b.xx * x + b.xy * y, f->tangent[0]), b.xy * x + b.yy * y,
@@ -114,7 +114,7 @@ static palp_vec3 give(const palp_friction *f, palp_vec3 v) {
 
 /* (B + 1/k) v */
 static palp_vec3 yield(const system *s, palp_vec3 v) {
-    return palp_madd(give(s->of, v), s->soft_m_per_N, v);
+    return palp_madd(far_displacement(s->of, v), s->soft_m_per_N, v);
 }
 
 /* x of a x = b, by the columns of a. */
@@ -175,7 +175,7 @@ void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contac
     if (!touched) f->tool_m = unslowed_m;
     const float most_N = gather(f, &contact->tools[tool], &s);
     /* what the springs would be stretched by without force: B P of before is given back */
-    const palp_vec3 unheld = palp_add(palp_sub(unslowed_m, f->tool_m), give(f, before));
+    const palp_vec3 unheld = palp_add(palp_sub(unslowed_m, f->tool_m), far_displacement(f, before));
     const palp_vec3 by = find_stretch(&s, unheld, most_N);
     palp_springs_pull pull = {.slipping = true};
     for (uint32_t k = 0; k < f->regions; k++) {
@@ -183,15 +183,16 @@ void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contac
         contact->work_done += 50u * (PALP_FRICTION_STEPS + 2u) * (uint64_t)s.set[k].count;
     }
     const palp_symmetric2 b = f->far_m_per_N;
-    const palp_vec3 far_field = give(f, pull.force_N);
+    const palp_vec3 compliant_m = far_displacement(f, pull.force_N);
     f->force_N = palp_scale(-1.0f, pull.force_N);
     f->moment_Nm = palp_scale(-1.0f, pull.moment_Nm);
-    f->energy_J = pull.energy_J + 0.5f * palp_dot(pull.force_N, far_field);
+    f->energy_J = pull.energy_J + 0.5f * palp_dot(pull.force_N, compliant_m);
     f->sticking_N_per_m =
         pull.sticking_N_per_m / (1.0f + 0.5f * (b.xx + b.yy) * pull.sticking_N_per_m);
     f->slipping = pull.slipping;
     f->turn_rad = (palp_vec3){0};
-    f->solved_m = palp_add(f->tool_m, palp_add(by, palp_sub(far_field, give(f, before))));
+    f->solved_m =
+        palp_add(f->tool_m, palp_add(by, palp_sub(compliant_m, far_displacement(f, before))));
 }
 
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {

@@ -5,7 +5,7 @@
 
 #define FACING 0.1f     /* least cosine at which a vertex is taken */
 #define HOLD 1.0f       /* tool sizes within which families are held */
-#define MARGIN 0.1f     /* tool sizes within which vertices are points */
+#define MARGIN 0.1f     /* tool sizes within which vertices are taken as contact points */
 #define TOO_LITTLE 0.1f /* sum of squared weights: the nodes that can be moved carry too little */
 
 static void lay_out(palp_impose *p, const palp_tets *t, palp_arena *a) {

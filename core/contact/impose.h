@@ -56,11 +56,11 @@ typedef struct {
     palp_adapt *adapt;      /* NULL: families near a tool are not held */
     const palp_tool *tools; /* [tool_count], as palp_tool_is_sound */
     uint32_t tool_count;    /* 1 to PALP_CONTACT_TOOLS */
-    const palp_vec3 *at_m;  /* [tool_count] where they begin */
-    uint32_t max_points;    /* at least 1 */
+    const palp_vec3 *at_m;  /* [tool_count] where they begin; finite */
+    uint32_t max_points;    /* 1 to PALP_MAX_NODES */
 } palp_impose_config;
 
-/* Errors: ARGUMENT (an unsound tool, none or too many, no points), MEMORY, ALIGNMENT. */
+/* Errors: ARGUMENT (any of these out of its range), MEMORY, ALIGNMENT. */
 palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *config, void *memory,
                              size_t bytes);
 

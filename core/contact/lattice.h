@@ -158,7 +158,7 @@ typedef struct {
 uint32_t palp_lattice_fill(palp_lattice *lattice, const palp_lattice_room *room, uint32_t first);
 
 /* The next filling searches where two bodies overlap, about the reference point displaced by
- * given_m and along `axis`. */
+ * aim_m and along `axis`. */
 void palp_lattice_aim(palp_lattice *lattice, palp_vec3 axis, palp_vec3 aim_m);
 
 /* The point at a node of one of several bodies. */

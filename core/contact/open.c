@@ -118,7 +118,9 @@ static void describe(palp_contact *c, const palp_contact_config *config) {
 size_t palp_contact_memsize(const palp_contact_config *config) {
     palp_arena arena = {0};
     palp_contact c;
-    if (config->finest >= PALP_CONTACT_LEVELS || config->tool_count > PALP_CONTACT_TOOLS) return 0;
+    const bool sound = config->finest < PALP_CONTACT_LEVELS && config->tool_count > 0u &&
+                       config->tool_count <= PALP_CONTACT_TOOLS && modes_of(config) > 0u;
+    if (!sound) return 0;
     describe(&c, config);
     lay_out(&c, &arena);
     return arena.used;

@@ -337,7 +337,7 @@ static void meet_zones(palp_contact *c) {
 
 /* ---- a tick ---- */
 
-void palp_contact_place(palp_contact *c) {
+void palp_contact_choose_patches(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) c->patch[k].filled = false;
     for (uint32_t t = 0; t < c->tool_count; t++) {
         palp_contact_patch *p = &c->patch[t];

@@ -70,6 +70,8 @@ void palp_device_compensate(const palp_device *device, const palp_pose *pose,
     const palp_compensation *c = &device->compensation;
     palp_pose_torques(pose, c->gravity_compensation_N, gravity_Nm);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
+        friction_Nm[i] = 0.0f;
+        if (i >= palp_axes(&device->kinematics)) continue;
         float direction = palp_clamp(dq_rad_s[i] / FRICTION_SPEED_RAD_S, -1.0f, 1.0f);
         friction_Nm[i] = c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];
     }

@@ -69,7 +69,7 @@ typedef struct {
     bool enabled;        /* acts on torque */
     bool misconfigured;  /* did not take its configuration, or is not the drive described */
     bool mismatch;       /* something read back was not what it must be */
-    uint32_t error;      /* the drive's own code; 0 when well */
+    uint32_t error;      /* the drive's own code; 0: none */
     uint32_t status_age; /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
     /* Protocol internals. */

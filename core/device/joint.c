@@ -95,7 +95,7 @@ palp_reading palp_joint_take(palp_joint *j, const palp_joint_limits *limits, flo
     return PALP_READING_TAKEN;
 }
 
-void palp_joint_believed(palp_joint *j, const palp_joint_limits *limits) {
+void palp_joint_update_belief(palp_joint *j, const palp_joint_limits *limits) {
     if (j->age > 0u) {
         j->believed_rad = palp_clamp(j->expected_rad, limits->min_rad, limits->max_rad);
         return;

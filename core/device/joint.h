@@ -69,7 +69,7 @@ palp_reading palp_joint_take(palp_joint *joint, const palp_joint_limits *limits,
                              float dt_s);
 
 /* Ends the readings of a tick: where the joint is taken to be. */
-void palp_joint_believed(palp_joint *joint, const palp_joint_limits *limits);
+void palp_joint_update_belief(palp_joint *joint, const palp_joint_limits *limits);
 
 /* Estimates the velocity anew, once all readings of a tick are in. Cost: at most
  * PALP_JOINT_WINDOW^2 / 2 compares. */

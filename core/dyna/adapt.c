@@ -146,7 +146,7 @@ static void split(palp_adapt *s, uint32_t f) {
     palp_dyna *d = s->dyna;
     const palp_tets *t = d->tets;
     for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1u]; k++) {
-        if (!palp_dyna_pinned(d, t->child[k])) palp_dyna_hang(d, t->child[k]);
+        if (!palp_dyna_pinned(d, t->child[k])) palp_dyna_embed(d, t->child[k]);
     }
     d->split[f] = 1;
     s->age[f] = 0;
@@ -219,11 +219,11 @@ static uint32_t keenest(const palp_adapt *s) {
 static uint32_t first_to_split(palp_adapt *s, uint32_t f) {
     const palp_dyna *d = s->dyna;
     for (uint32_t l = 0; l < PALP_TET_LEVELS; l++) {
-        uint32_t sleeper;
-        clearance met = neighbour_in(s, f, 1, PALP_INACTIVE, &sleeper);
+        uint32_t inactive;
+        clearance met = neighbour_in(s, f, 1, PALP_INACTIVE, &inactive);
         if (met == CLEAR) return f;
         if (met == NO_TESTS_LEFT) return PALP_NONE;
-        f = d->tets->family[2u * (size_t)sleeper];
+        f = d->tets->family[2u * (size_t)inactive];
         if (d->split[f] != 0u || s->gamma_m[f] < 0.0f) return PALP_NONE;
     }
     return PALP_NONE;

@@ -20,11 +20,10 @@
 #include "core/dyna/dyna.h"
 
 typedef struct {
-    float refine_m, merge_m; /* gamma_max, gamma_min */
-    uint32_t dwell_ticks;    /* between the split of a family and its merging */
-    uint32_t max_changes;    /* families per tick */
-    uint32_t
-        max_element_tests; /* elements around families that are looked at for it; at least those
+    float refine_m, merge_m;    /* gamma_max, gamma_min */
+    uint32_t dwell_ticks;       /* between the split of a family and its merging */
+    uint32_t max_changes;       /* families per tick */
+    uint32_t max_element_tests; /* elements around families that are tested for it; at least those
                                 of the largest family */
 } palp_adapt_config;
 

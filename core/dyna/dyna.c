@@ -108,7 +108,7 @@ static void weigh_level(palp_dyna *d, uint32_t level) {
 }
 
 /* Every element with a child of the family, once: by its first corner that is one. */
-static void price_families(palp_dyna *d) {
+static void find_refinement_costs(palp_dyna *d) {
     const palp_tets *t = d->tets;
     for (uint32_t f = 0; f < t->meta->families; f++) {
         uint32_t sum = 0, top = 0;
@@ -147,7 +147,7 @@ palp_status palp_dyna_init(palp_dyna *dyna, const palp_tets *tets, const palp_dy
     if (status != PALP_OK) return status;
     lay_out(&d, &a);
     for (uint32_t l = 0; l < tets->meta->levels; l++) weigh_level(&d, l);
-    price_families(&d);
+    find_refinement_costs(&d);
     *dyna = d;
     palp_dyna_reset(dyna);
     return PALP_OK;

@@ -130,15 +130,15 @@ void palp_dyna_relist(palp_dyna *dyna);
 void palp_dyna_collapse(palp_dyna *dyna);
 
 /* Where a node's displacement and velocity come from, when it is not active. */
-void palp_dyna_hang(palp_dyna *dyna, uint32_t node); /* in its container */
-void palp_dyna_mean(palp_dyna *dyna, uint32_t node); /* of its children */
+void palp_dyna_embed(palp_dyna *dyna, uint32_t node); /* in its container */
+void palp_dyna_mean(palp_dyna *dyna, uint32_t node);  /* of its children */
 
 /* Of interface.c: impulses on interface nodes go to what they follow; how much that stiffens the
  * active ones (when the lists are new). */
 void palp_dyna_hand_back(palp_dyna *dyna);
-void palp_dyna_levers(palp_dyna *dyna);
+void palp_dyna_stiffness_ratios(palp_dyna *dyna);
 
-static inline palp_vec3 palp_dyna_place(const palp_dyna *d, uint32_t node) {
+static inline palp_vec3 palp_dyna_position(const palp_dyna *d, uint32_t node) {
     return palp_add(palp_vec3_at(d->tets->rest_m + 3u * (size_t)node),
                     palp_vec3_at(d->u_m + 3u * (size_t)node));
 }

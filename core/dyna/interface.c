@@ -31,7 +31,7 @@ static void interpolate(palp_dyna *d, uint32_t node, sources s) {
     }
 }
 
-void palp_dyna_hang(palp_dyna *dyna, uint32_t node) {
+void palp_dyna_embed(palp_dyna *dyna, uint32_t node) {
     interpolate(dyna, node, container_of(dyna->tets, node));
 }
 
@@ -41,7 +41,7 @@ void palp_dyna_mean(palp_dyna *dyna, uint32_t node) {
 
 void palp_dyna_interpolate(palp_dyna *dyna) {
     for (uint32_t i = 0; i < dyna->up_count; i++) palp_dyna_mean(dyna, dyna->up[i]);
-    for (uint32_t i = 0; i < dyna->down_count; i++) palp_dyna_hang(dyna, dyna->down[i]);
+    for (uint32_t i = 0; i < dyna->down_count; i++) palp_dyna_embed(dyna, dyna->down[i]);
     dyna->interpolated += dyna->up_count + dyna->down_count;
 }
 
@@ -69,7 +69,7 @@ static void lean(palp_dyna *d, uint32_t node, sources s) {
         d->stiffness_ratio[s.node[k]] += s.weight[k] * s.weight[k] * d->stiffness_ratio[node];
 }
 
-void palp_dyna_levers(palp_dyna *d) {
+void palp_dyna_stiffness_ratios(palp_dyna *d) {
     const palp_tets *t = d->tets;
     for (uint32_t i = 0; i < t->meta->nodes; i++) {
         bool bears = d->state[i] == PALP_ACTIVE || d->borders[i] != 0u;

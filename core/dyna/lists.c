@@ -75,7 +75,7 @@ static void need(palp_dyna *d, uint32_t tet) {
 }
 
 /* Each skin vertex is embedded on the level on which the region of its node is active. */
-static void hang_skin(palp_dyna *d) {
+static void embed_skin(palp_dyna *d) {
     const palp_tets *t = d->tets;
     uint32_t levels = t->meta->levels;
     for (uint32_t i = 0; i < t->meta->skin; i++) {
@@ -129,11 +129,11 @@ void palp_dyna_relist(palp_dyna *dyna) {
         if (most_of(dyna->duty, dyna->tets->tet[i].node) > 0u) need(dyna, i);
     }
     for (uint32_t i = 0; i < dyna->tets->meta->nodes; i++) dyna->borders[i] = dyna->needed[i];
-    hang_skin(dyna);
+    embed_skin(dyna);
     need_for_splits(dyna);
     dyna->lists++;
     list_interface(dyna);
-    palp_dyna_levers(dyna);
+    palp_dyna_stiffness_ratios(dyna);
     set_duties(dyna);
     list_elements(dyna);
     palp_dyna_interpolate(dyna);

@@ -22,7 +22,7 @@ typedef struct {
     const palp_dyna *dyna;
     float *position_m; /* [skin][3] shown */
     float *off_m;      /* [skin][3] still to fade */
-    uint64_t lists;    /* of the body, when it was last looked at */
+    uint64_t lists;    /* of the body, at the last update */
     float
         jump_m; /* largest difference that a change of resolution left to fade in the last update */
 } palp_skin;

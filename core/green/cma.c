@@ -75,14 +75,14 @@ static void push_all(palp_cma *c, uint32_t node, palp_vec3 target) {
     push(c, node, (palp_vec3){0.0f, 0.0f, 1.0f}, target.z);
 }
 
-static void set_given(palp_cma *c, uint32_t node, palp_vec3 v) {
+static void set_prescribed(palp_cma *c, uint32_t node, palp_vec3 v) {
     float *g = c->given + 3u * node;
     g[0] = v.x;
     g[1] = v.y;
     g[2] = v.z;
 }
 
-static void give_free(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
+static void prescribe_free(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     switch (condition) {
     case PALP_PRESCRIBE_DISPLACEMENT:
@@ -92,25 +92,25 @@ static void give_free(palp_cma *c, uint32_t node, palp_condition condition, palp
         push(c, node, n, value.x);
         break;
     case PALP_PRESCRIBE_TRACTION:
-        set_given(c, node, palp_scale(c->blob->area_m2[node], value));
+        set_prescribed(c, node, palp_scale(c->blob->area_m2[node], value));
         break;
     case PALP_PRESCRIBE_FORCE:
     case PALP_RELEASE:
-        set_given(c, node, value);
+        set_prescribed(c, node, value);
         break;
     }
 }
 
-static void give_fixed(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
+static void prescribe_fixed(palp_cma *c, uint32_t node, palp_condition condition, palp_vec3 value) {
     palp_vec3 n = palp_vec3_at(c->blob->normal + 3u * node);
     palp_vec3 t[2];
     switch (condition) {
     case PALP_PRESCRIBE_DISPLACEMENT:
-        set_given(c, node, value);
+        set_prescribed(c, node, value);
         break;
     case PALP_PRESCRIBE_NORMAL:
         palp_tangents(n, t);
-        set_given(c, node, palp_scale(value.x, n));
+        set_prescribed(c, node, palp_scale(value.x, n));
         push(c, node, t[0], 0.0f);
         push(c, node, t[1], 0.0f);
         break;
@@ -146,9 +146,9 @@ palp_status palp_cma_prescribe(palp_cma *cma, uint32_t node, palp_condition cond
     if (cma->capacity - cma->count < unknowns_of(fixed, condition)) return PALP_ERR_CAPACITY;
     cma->state[node] = (uint8_t)(1u + (uint32_t)condition);
     if (fixed) {
-        give_fixed(cma, node, condition, value);
+        prescribe_fixed(cma, node, condition, value);
     } else {
-        give_free(cma, node, condition, value);
+        prescribe_free(cma, node, condition, value);
     }
     return PALP_OK;
 }

@@ -32,7 +32,7 @@ static uint32_t nodes_of(const palp_contact *c) {
     return c->assembly != NULL ? c->assembly->zones->nodes : c->surface[0].blob->meta->nodes;
 }
 
-static palp_vec3 place_of(const palp_contact *c, uint32_t node, palp_vec3 *normal) {
+static palp_vec3 node_position(const palp_contact *c, uint32_t node, palp_vec3 *normal) {
     if (c->assembly == NULL) {
         const palp_blob *b = c->surface[0].blob;
         *normal = palp_vec3_at(b->normal + 3u * (size_t)node);
@@ -56,7 +56,7 @@ static bool search_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at
         k->searched + PALP_COUPLING_SEARCHED < nodes ? k->searched + PALP_COUPLING_SEARCHED : nodes;
     for (uint32_t i = k->searched; i < end; i++) {
         palp_vec3 normal;
-        palp_vec3 d = palp_sub(place_of(c, i, &normal), at);
+        palp_vec3 d = palp_sub(node_position(c, i, &normal), at);
         float distance2 = palp_dot(d, d);
         if (i > 0u && distance2 >= k->least_m2) continue;
         k->nearest = i;
@@ -69,7 +69,7 @@ static bool search_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at
 /* A place for a tool that is found at `at`: there, or above the surface if that is inside a body,
  * seen from the nearest node. */
 static palp_vec3 outside(const palp_contact *c, uint32_t t, uint32_t nearest, palp_vec3 at) {
-    palp_vec3 n, x = place_of(c, nearest, &n);
+    palp_vec3 n, x = node_position(c, nearest, &n);
     if (palp_dot(palp_sub(at, x), n) >= 0.0f) return at;
     return palp_madd(x, APART * palp_tool_extent(&c->tools[t]), n);
 }

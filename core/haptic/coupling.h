@@ -83,7 +83,7 @@ void palp_coupling_reset(palp_coupling *coupling);
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_vec3 *device_m);
 
-/* Where the contact should look, and the springs that it should solve with. */
+/* Where the contact should search, and the springs that it should solve with. */
 void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
                            palp_vec3 *tool_m, palp_contact_spring *spring);
 

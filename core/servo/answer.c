@@ -3,7 +3,6 @@
 
 #define NS_PER_S 1e9f
 #define UNKNOWN 0.05f   /* error of a level that bake has not measured */
-#define MISSES 8u       /* ticks in a row */
 #define SEAMS_WANTED 2u /* level of the seams that comes before finer levels of contact */
 #define CALM_LATEST 64u /* times PALP_ANSWER_CALM_S */
 
@@ -117,7 +116,7 @@ palp_status palp_answer_init(palp_answer *a, const palp_answer_config *config, v
 void palp_answer_reset(palp_answer *a) {
     palp_contact_clear(&a->contact);
     if (a->config.contact.assembly != NULL) {
-        palp_assembly_calm(a->config.contact.assembly);
+        palp_assembly_forget_forces(a->config.contact.assembly);
         a->moving.finer = false;
         a->moving.barred = PALP_NONE;
     }
@@ -175,7 +174,7 @@ static bool bridges(palp_answer *a) {
     bool pressing = false;
     for (uint32_t t = 0; t < a->config.contact.tool_count; t++)
         pressing = pressing || (a->coupling.tool[t].touching && a->contact.normal_N[t] > 0.0f);
-    return pressing && a->missed++ < MISSES;
+    return pressing && a->missed++ < PALP_ANSWER_MISSES;
 }
 
 /* Bound of one more iteration and the end of the contact, as many points as there are. */

@@ -24,6 +24,7 @@
 
 #define PALP_ANSWER_PATIENCE_S 0.02f
 #define PALP_ANSWER_CALM_S 0.2f
+#define PALP_ANSWER_MISSES 8u     /* ticks in which a contact that was lost is searched again */
 #define PALP_ANSWER_ITERATIONS 3u /* of the active set for which there is always time */
 
 typedef struct {

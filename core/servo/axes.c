@@ -122,7 +122,7 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, const pal
         take_frame(axes, device, &input->frames[f], input->strict, counters);
     for (uint32_t i = 0; i < axes->count; i++) {
         if (axes->joint[i].age == 0u) palp_joint_velocity(&axes->joint[i], &axes->limits[i], dt_s);
-        palp_joint_believed(&axes->joint[i], &axes->limits[i]);
+        palp_joint_update_belief(&axes->joint[i], &axes->limits[i]);
         if (input->strict && axes->joint[i].age > 0u) counters->late++;
     }
 }

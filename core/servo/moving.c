@@ -104,7 +104,7 @@ void palp_moving_tick(palp_moving *m, const palp_deadline *deadline) {
     float drift = palp_assembly_drift(a);
     bool near = palp_contact_near(m->contact);
     palp_assembly_relax(a, palp_min(m->dt_s / FADE_S, 1.0f));
-    palp_contact_load(m->contact);
+    palp_contact_load_seams(m->contact);
     m->report = (palp_moving_report){.drift = drift};
     bool approximate = a->level == PALP_DIAGONAL;
     bool fits = cost_after(m, a->level) <= palp_left_ns(deadline);

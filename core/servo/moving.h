@@ -25,7 +25,7 @@ typedef struct {
 
 typedef struct {
     uint32_t level;   /* of the seams in this answer; PALP_DIAGONAL: the approximation */
-    uint32_t aborted; /* levels begun or looked at and given up */
+    uint32_t aborted; /* levels begun or weighed and given up */
     bool renewed;     /* the factor was made anew */
     float drift;      /* of the configuration off that of the factor before */
 } palp_moving_report;

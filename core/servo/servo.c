@@ -151,8 +151,9 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     s->counters.skipped += in->skipped;
     count_events(&s->counters, in->events);
     const uint32_t frames = in->count < PALP_SERVO_FRAMES_IN ? in->count : PALP_SERVO_FRAMES_IN;
-    s->counters.overflows += in->count - frames;
-    const palp_axes_input read = {.frames = in->frames + (in->count - frames),
+    const uint32_t dropped = in->count - frames;
+    s->counters.overflows += dropped;
+    const palp_axes_input read = {.frames = dropped > 0u ? in->frames + dropped : in->frames,
                                   .count = frames,
                                   .periods = periods,
                                   .strict = force};

@@ -124,7 +124,7 @@ palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleratio
     return PALP_OK;
 }
 
-void palp_assembly_calm(palp_assembly *assembly) {
+void palp_assembly_forget_forces(palp_assembly *assembly) {
     palp_assembly_unload(assembly);
     for (uint32_t i = 0; i < 3u * assembly->seams.modes; i++) assembly->carried[i] = 0.0f;
     assembly->extent = palp_seams_factor(&assembly->seams)->level;

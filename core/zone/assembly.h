@@ -69,7 +69,7 @@ void palp_assembly_pose(palp_assembly *assembly, const float *value, const palp_
 palp_status palp_assembly_gravity(palp_assembly *assembly, palp_vec3 acceleration_m_s2);
 
 /* Forgets forces and what a change of level held back. */
-void palp_assembly_calm(palp_assembly *assembly);
+void palp_assembly_forget_forces(palp_assembly *assembly);
 
 /* How far the configuration has moved off that of the factor in use: largest change of a rotation's
  * entry or of a place over the seam's size. */

@@ -44,8 +44,8 @@ typedef struct {
 bool palp_zones_are_here(const void *data, size_t bytes);
 
 /*
- * Opens a multizone model in place (64-byte aligned), with the same promises as palp_blob_open.
- * Errors: those of palp_blob_open.
+ * Opens a multizone model in place (64-byte aligned), with all the checks of palp_blob_open. Errors:
+ * those of palp_blob_open.
  */
 palp_status palp_zones_open(palp_zones *zones, const void *data, size_t bytes);
 

@@ -4,7 +4,7 @@
 
 #define RAD_PER_REV 6.28318530718f
 
-palp_device orbit_device(float rate_hz) {
+palp_device trajectory_device(float rate_hz) {
     return (palp_device){.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
                          .drives = {.protocol = PALP_PROTOCOL_PALP,
                                     .counts_per_rev = 65536,
@@ -38,7 +38,7 @@ static uint32_t highest(const palp_blob *b) {
 
 palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float ball_m) {
     palp_vec3 top = palp_vec3_at(blob->rest_m + 3u * highest(blob));
-    return (palp_servo_config){.device = orbit_device(rate_hz),
+    return (palp_servo_config){.device = trajectory_device(rate_hz),
                                .placement = {.origin_m = {top.x, top.y, top.z + ball_m},
                                              .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                                              .scale = 1},

@@ -13,7 +13,7 @@ typedef struct {
     bool on[PALP_AXES];
 } test_trajectory;
 
-palp_device orbit_device(float rate_hz);
+palp_device trajectory_device(float rate_hz);
 
 /* A servo over the blob's highest free node with a ball on the arm: all but cost and port. */
 palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float ball_m);

@@ -32,6 +32,7 @@
 #define GIVEN_J 1e-3
 #define SLIP_TICKS 8           /* in which a contact is looked for anew (core/servo/answer.c) */
 #define MADE_J (0.2 * GIVEN_J) /* from which the guard brakes */
+#define MADE_MOST_J 0.01
 
 typedef struct {
     const char *name;
@@ -178,14 +179,22 @@ typedef struct {
     palp_vec3 tip_m, force_N;
     double work_J, least_J, made_J;
     bool braked;
-    uint32_t held, longest_held; /* ticks in a row, with a force */
+    uint32_t held;         /* ticks in a row, with a force */
+    uint64_t slips, stray; /* contacts lost after such; held ticks that are none of these */
 } contact_books;
 
 static void keep_contact_books(contact_books *b, const palp_report *report) {
     const palp_vec3 mean_N = palp_scale(0.5f, palp_add(b->force_N, report->force_N));
     b->braked = b->braked || report->braked;
-    b->held = report->held && palp_norm(report->force_N) > 0 ? b->held + 1 : 0;
-    if (b->held > b->longest_held) b->longest_held = b->held;
+    const bool forced = palp_norm(report->force_N) > 0;
+    if (report->held && forced) {
+        b->held++;
+    } else {
+        const bool slipped = b->held > 0 && b->held <= SLIP_TICKS && !forced;
+        b->slips += slipped;
+        b->stray += slipped ? 0 : b->held;
+        b->held = 0;
+    }
     b->work_J += (double)palp_dot(mean_N, palp_sub(report->tip_m, b->tip_m));
     b->tip_m = report->tip_m;
     b->force_N = report->force_N;
@@ -195,13 +204,14 @@ static void keep_contact_books(contact_books *b, const palp_report *report) {
 }
 
 /* Whether the contact itself says why this counter moved, without a fault. */
-static bool contact_explains(day *d, const contact_books *c, size_t offset) {
+static bool contact_explains(day *d, const contact_books *c, size_t offset, uint64_t moved) {
     if (offset == offsetof(palp_counters, braked) && c->made_J > MADE_J) {
         d->made++;
         d->made_J = fmax(d->made_J, c->made_J);
         return true;
     }
-    if (offset == offsetof(palp_counters, held) && c->longest_held <= SLIP_TICKS) {
+    if (offset == offsetof(palp_counters, held) && c->slips > 0 && c->stray == 0 &&
+        moved <= c->slips * SLIP_TICKS) {
         d->slipped++;
         return true;
     }
@@ -252,10 +262,10 @@ static void live_a_minute(rig *r, const palp_blob *blob, day *d, uint64_t minute
     for (size_t i = 0; i < COUNTERS; i++) {
         uint64_t moved =
             value_of(after, counters[i].offset) - value_of(&before, counters[i].offset);
-        if (counters[i].offset == offsetof(palp_counters, held) && moved <= looks(blob, begun))
-            moved = 0;
+        if (counters[i].offset == offsetof(palp_counters, held)) /* looking for the tool */
+            moved -= moved < looks(blob, begun) ? moved : looks(blob, begun);
         if (moved == 0 || explains(&p, counters[i].name)) continue;
-        if (contact_explains(d, &c, counters[i].offset)) continue;
+        if (contact_explains(d, &c, counters[i].offset, moved)) continue;
         d->unexplained++;
         note(d, counters[i].name, minute, &p, (double)moved);
     }
@@ -311,6 +321,8 @@ int main(int argc, char **argv) {
           "which the contact made energy: %llu, at most %.3g mJ",
           (unsigned long long)d.unexplained, (unsigned long long)d.slipped,
           (unsigned long long)d.made, 1e3 * d.made_J);
+    CHECK(d.slipped + d.made <= 2 + all / 100 && d.made_J <= MADE_MOST_J,
+          "and those are about 1 in 100 minutes at most, and %.3g mJ", 1e3 * MADE_MOST_J);
     CHECK(d.buzzing == 0, "force at rest: largest line %.4f N from 20 to 500 Hz", d.buzz_N);
     CHECK(d.given_J <= GIVEN_J, "energy given in a touch: at most %.3g mJ", 1e3 * d.given_J);
     CHECK(

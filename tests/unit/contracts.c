@@ -145,7 +145,7 @@ static void check_blocks(void) {
     check_block("palp_servo_open", open_servo, palp_servo_memsize(&body.blob, 3));
     check_block("palp_seams_init", open_seams, palp_seams_memsize(zones.zones, 2));
     check_block("palp_assembly_init", open_assembly, palp_assembly_memsize(zones.zones, 2));
-    check_block("palp_contact_init_zones", open_contact_zones, palp_contact_memsize(&all));
+    check_block("palp_contact_init of zones", open_contact_zones, palp_contact_memsize(&all));
     check_block("palp_dyna_init", open_dyna, palp_dyna_memsize(&soft.tets));
     check_block("palp_adapt_init", open_adapt, palp_adapt_memsize(&soft.tets));
     check_block("palp_impose_init", open_impose, palp_impose_memsize(&soft.tets, 16));

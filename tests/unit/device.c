@@ -356,7 +356,7 @@ static double largest_step(disturbance what, int ticks, double rad_s, double *ve
         if (i == 50 + ticks && what == SWAPPED)
             (void)palp_joint_take(&j, &limits, (float)old, (float)dt);
         if (j.age == 0) palp_joint_velocity(&j, &limits, (float)dt);
-        palp_joint_believed(&j, &limits);
+        palp_joint_update_belief(&j, &limits);
         if (i > 20) {
             most = fmax(most, fabs((double)j.believed_rad - before));
             wrong = fmax(wrong, fabs((double)j.dq_rad_s / rad_s - 1));
@@ -391,7 +391,7 @@ static void test_missed(void) {
         palp_joint_age(&j, 1, 0.001f);
         (void)palp_joint_take(&j, &limits, 1e-3f * (float)(i < 50 ? i : 50), 0.001f);
         if (j.age == 0) palp_joint_velocity(&j, &limits, 0.001f);
-        palp_joint_believed(&j, &limits);
+        palp_joint_update_belief(&j, &limits);
     }
     CHECK(fabsf(j.believed_rad - 0.05f) < 1e-6f && !(fabsf(j.certain_rad_s) > 0),
           "stopped short, it is where it was read: off by %.2g rad",
@@ -440,7 +440,7 @@ static void test_silence(void) {
         palp_joint_age(&j, i % 5 == 4 ? 4 : UINT32_MAX, 0.001f);
         (void)palp_joint_take(&j, &limits, 0.1f, 0.001f);
         palp_joint_velocity(&j, &limits, 0.001f);
-        palp_joint_believed(&j, &limits);
+        palp_joint_update_belief(&j, &limits);
         finite = finite && isfinite(j.dq_rad_s) && isfinite(j.believed_rad);
     }
     CHECK(finite, "after silences of 2^30 periods each, velocity and place are finite");

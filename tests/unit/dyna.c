@@ -148,7 +148,7 @@ static void refine_part(palp_dyna *d, float end) {
             uint32_t p = t->parent[t->parent_offset[f]];
             if (d->state[p] != PALP_ACTIVE || !(t->rest_m[3 * p] < end)) continue;
             for (uint32_t k = t->child_offset[f]; k < t->child_offset[f + 1]; k++)
-                if (!palp_dyna_pinned(d, t->child[k])) palp_dyna_hang(d, t->child[k]);
+                if (!palp_dyna_pinned(d, t->child[k])) palp_dyna_embed(d, t->child[k]);
             d->split[f] = 1;
         }
         palp_dyna_relist(d);
@@ -395,7 +395,7 @@ static double least_det(const palp_dyna *d) {
         const palp_tet *e = &d->tets->tet[d->element[i]];
         double x[4][3], n[3];
         for (int c = 0; c < 4; c++) {
-            palp_vec3 p = palp_dyna_place(d, e->node[c]);
+            palp_vec3 p = palp_dyna_position(d, e->node[c]);
             x[c][0] = (double)p.x, x[c][1] = (double)p.y, x[c][2] = (double)p.z;
         }
         for (int c = 1; c < 4; c++) v_sub(x[c], x[0], x[c]);
@@ -448,7 +448,7 @@ static void check_adapt(void) {
           "open");
     uint32_t splits = 0, merges = 0, most = 0, cap = 6000, refused = 0, at_most = 0;
     double jump = 0, step = 0, fade = 0;
-    uint32_t overstretched = 0;
+    uint32_t split_apart = 0;
     float *before = allocate(3 * b.tets.meta->skin, sizeof *before);
     for (int k = 0; k < 4500; k++) {
         if (k < 100) { /* the end is thrown */
@@ -476,7 +476,7 @@ static void check_adapt(void) {
         refused += r.refused;
         for (uint32_t f = 0; f < b.tets.meta->families; f++) {
             for (uint32_t q = b.tets.parent_offset[f]; q < b.tets.parent_offset[f + 1]; q++)
-                overstretched += d->split[f] != 0 && d->state[b.tets.parent[q]] != PALP_SPLIT;
+                split_apart += d->split[f] != 0 && d->state[b.tets.parent[q]] != PALP_SPLIT;
         }
         uint32_t work = palp_dyna_work(d, 7);
         most = work > most ? work : most;
@@ -485,7 +485,7 @@ static void check_adapt(void) {
     CHECK(splits > 3 && merges == splits, "%u families split and merged again", splits);
     CHECK(most <= cap + cap / 4 && refused > 0,
           "about the cap: %u of %u evaluations at most, %u refused", most, cap, refused);
-    CHECK(overstretched == 0, "every parent of a split family is split");
+    CHECK(split_apart == 0, "every parent of a split family is split");
     AT_MOST(fmax(jump, 0) / step, 0.2,
             "no popping: surface when families change, beyond its motion, of the largest motion");
     AT_MOST(fade / step, 1, "and while the difference fades");

@@ -263,7 +263,7 @@ typedef struct {
  * on those links' surfaces, whose exact force acts at the tool's place. */
 static void joint_moments(palp_assembly *a, palp_contact *c, palp_vec3 at, double *tau) {
     palp_vec3 on[3] = {{0}};
-    palp_contact_load(c);
+    palp_contact_load_seams(c);
     (void)palp_assembly_total(a);
     for (uint32_t i = 0; i < c->count; i++) {
         const palp_contact_point *p = &c->point[i];

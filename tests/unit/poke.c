@@ -252,8 +252,8 @@ static void check_violence(double lambda, double mu, int ticks) {
           lambda, mu, ticks, (double)steps, coasted);
     CHECK(capped + short_ticks > 0,
           "lambda %g, mu %g: refused in %u ticks, larger steps in %u, coarsest mesh in %u, "
-          "energy_limited "
-          "in %u",
+          "energy limited in "
+          "%u",
           lambda, mu, capped, short_ticks, collapsed, energy_limited);
     CHECK(far < 1 && largest < HUGE_VAL && rest < 1e-4,
           "lambda %g, mu %g: at most %.2g m away, %.2g N; left alone it stores %.1g of mu 1e-4 m^3",

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of every operation, random and searched, each counted and held against its bound. */
+/* Cases of every operation, random and found by search, each counted and held against its bound. */
 #ifndef PALP_TESTS_CASES_H
 #define PALP_TESTS_CASES_H
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 # Counted cases on a target: cases.sh TARGET BLOB SEED EPISODES [hold], to standard output; with hold, held
 # against the target's table; with CASES=surface in the environment those of contact on the surface and whole ticks
-# alone. Builds what it needs below build/wcet. TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7, as in servo/target.h.
+# alone. Builds what it needs below build/wcet. TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7, as in budget/target.h.
 # With TARGET alone it only builds.
 set -e
 target=$1

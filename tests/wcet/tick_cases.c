@@ -142,7 +142,7 @@ static uint64_t instruction_clock(void *context) {
     return instructions();
 }
 
-static void hunt_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t level, bool friction,
+static void search_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t level, bool friction,
                           uint32_t sessions) {
     size_t used = c->used;
     chase chased = {.known = 0};
@@ -191,7 +191,7 @@ void cases_of_ticks(cases *c, const palp_blob *blob, uint64_t seed, uint32_t epi
     dice d = {seed};
     quantum_cases(c, blob);
     for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++)
-        hunt_on_level(c, blob, &d, l, l % 2u == 0u, episodes / 3u + 1u);
+        search_on_level(c, blob, &d, l, l % 2u == 0u, episodes / 3u + 1u);
     for (uint32_t i = 0; i < episodes; i += 8u)
         servo_session(c, blob, &d, i / 8u % (PALP_CONTACT_FINEST + 1u), 600);
 }

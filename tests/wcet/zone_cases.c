@@ -65,7 +65,7 @@ static void one_configuration(setup *g, dice *d) {
     after = instructions();
     tell(g, "settle", of_settle, a->level, after - before);
     before = instructions();
-    palp_contact_load(&g->contact);
+    palp_contact_load_seams(&g->contact);
     after = instructions();
     tell(g, "load", of_load, a->level, after - before);
     for (uint32_t k = 0; k < cases_prices(g->c); k++) {

@@ -305,7 +305,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     b.content.max_row = longest_row(&blob);
     if (!options->raw && !g->scalar && b.table[b.level] == NULL) {
         regularisation = allocate(m->vertices, sizeof *regularisation);
-        out.regularised = soften(&blob, regularisation).largest;
+        out.regularised = regularise(&blob, regularisation).largest;
         b.content.regularisation = regularisation;
     }
     float level_error[PALP_LEVEL_ERRORS][2];

@@ -54,7 +54,7 @@ void npy_write(FILE *f, const double *x, size_t n);
 /*
  * Measures the reciprocity residual; with `enforce` replaces the matrix by its reciprocal part
  * (free-free and fixed-fixed blocks symmetric, mixed blocks skew: Betti) and makes the free-free
- * block positive definite (definite.h); exits when that would change it by more than
+ * block positive definite (nearest_spd.h); exits when that would change it by more than
  * GREENS_CHANGE_MAX.
  */
 #define GREENS_CHANGE_MAX 0.01

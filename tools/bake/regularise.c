@@ -84,7 +84,7 @@ static double least_mu(const double *n, const double *amplitude, size_t m) {
     return sound ? 0 : high;
 }
 
-regularisation_report soften(const palp_blob *blob, float *regularisation) {
+regularisation_report regularise(const palp_blob *blob, float *regularisation) {
     const palp_domain *d = &blob->domain[PALP_FREE];
     normal_columns c = {.blob = blob, .m = blob->level[blob->meta->constraint_level].nodes};
     c.normal = allocate_aligned(c.m * c.m, sizeof *c.normal);

@@ -20,6 +20,6 @@ typedef struct {
 
 /* Writes regularisation[nodes] (m/N, 0 off the constraint level) for an opened blob, from the
  * columns of its constraint level. Cost: m columns, about ten LU of order m. */
-regularisation_report soften(const palp_blob *blob, float *regularisation);
+regularisation_report regularise(const palp_blob *blob, float *regularisation);
 
 #endif

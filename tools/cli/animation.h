@@ -18,7 +18,7 @@ typedef struct {
     size_t level_room;
 } animation;
 
-/* A animation of a surface that stays within reach_m of the origin. */
+/* An animation of a surface that stays within reach_m of the origin. */
 animation animation_open(uint32_t vertices, uint32_t triangles, const uint32_t *triangle,
                          double frame_s, double reach_m, double ball_m);
 void animation_add(animation *m, const float *position_m, const uint8_t *level,

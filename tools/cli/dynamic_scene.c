@@ -276,7 +276,7 @@ static void summary(FILE *f, const player *p) {
                 lost);
     fprintf(f, "energy monitor        acted in %zu ticks\n", energy_limited);
     fprintf(f, "contact               largest force %.3g N, largest displacement %.3g m%s\n", force,
-            displaced, overflow > 0 ? "; some vertices found no place among the points" : "");
+            displaced, overflow > 0 ? "; some vertices had no room among the contact points" : "");
 }
 
 static void write_csv(const player *p, const char *path) {

@@ -438,7 +438,7 @@ int command_unpack(int argc, char **argv) {
     bool extracts = b.level[b.meta->constraint_level].table == NULL;
     bool touched = !palp_blob_has(&b, PALP_META_SCALAR);
     if (palp_blob_has(&b, PALP_META_SYMMETRIC) && extracts && touched) {
-        (void)soften(&b, (float *)(void *)parts.data[regularisation]);
+        (void)regularise(&b, (float *)(void *)parts.data[regularisation]);
         free(blob);
         blob = assemble(&parts, &bytes);
     }

@@ -119,6 +119,7 @@ typedef struct {
     palp_tool tool[SCENE_TRACKS];
     uint32_t tools, which[SCENE_TRACKS]; /* track of each tool */
     uint64_t begun_ns, begun_work;
+    double ns_per_operation; /* of the clock 'work' */
     size_t ticks;
     play_tick *tick;
     size_t strongest; /* tick */
@@ -129,11 +130,26 @@ static uint64_t now_ns(void *context) {
     const player *p = context;
     if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
     double work = (double)(palp_answer_work(p->b) - p->begun_work);
-    return p->begun_ns + (uint64_t)(work * (double)p->spec->machine.ns_per_instruction);
+    return p->begun_ns + (uint64_t)(work * p->ns_per_operation);
 }
 
 static palp_vec3 vec(const double x[3]) {
     return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
+}
+
+/* What an operation that the code counts takes: on an assumed machine as it says, on a target by
+ * what both say of the least answer. */
+static double ns_per_operation(player *p, const palp_answer_config *config, void *memory,
+                               size_t bytes) {
+    palp_answer_config counted = *config;
+    float at_target_ns = 0, at_one_ns = 0;
+    if (p->spec->ns_per_operation > 0) return p->spec->ns_per_operation;
+    counted.cost = (palp_cost_table){.target = &palp_target_counted,
+                                     .ns_per_instruction = 1,
+                                     .margin = config->cost.margin};
+    (void)palp_answer_init(p->b, config, memory, bytes, &at_target_ns);
+    (void)palp_answer_init(p->b, &counted, memory, bytes, &at_one_ns);
+    return (double)(at_target_ns / fmaxf(at_one_ns, 1.0f));
 }
 
 static void open_player(player *p) {
@@ -166,8 +182,10 @@ static void open_player(player *p) {
                                  .port = {.now_ns = now_ns, .context = p},
                                  .dt_s = (float)(1 / p->s.rate_hz)};
     bytes = palp_answer_memsize(&config.contact);
+    void *memory = allocate_aligned(bytes, 1);
     float bound_ns = 0;
-    status = palp_answer_init(p->b, &config, allocate_aligned(bytes, 1), bytes, &bound_ns);
+    p->ns_per_operation = ns_per_operation(p, &config, memory, bytes);
+    status = palp_answer_init(p->b, &config, memory, bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
         die(EXIT_WORK,
             "%s: the least answer may take %.0f us on %s (palp wcet), the budget is %.0f us: a "
@@ -191,7 +209,7 @@ static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
 /* The deformed surface in the world, and how far each node is displaced. */
 static void take_picture(player *p) {
     palp_contact *c = &p->b->contact;
-    palp_contact_load(c);
+    palp_contact_load_seams(c);
     const float *total = palp_assembly_total(p->a);
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {
         const palp_blob *b = &p->z->blob[i];

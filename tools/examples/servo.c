@@ -14,7 +14,7 @@
 #define TICKS 3000
 #define RAD_PER_REV 6.28318530718f
 
-static _Alignas(PALP_ALIGN) uint8_t memory[2u << 20];
+static _Alignas(PALP_ALIGN) uint8_t memory[PALP_SERVO_BYTES(PALP_CONTACT_FINEST)];
 
 typedef struct {
     palp_e2e sent, received;

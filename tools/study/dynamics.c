@@ -115,7 +115,7 @@ static void in_the_engine(const tetmesh *m, uint32_t corner, double *z) {
     if (palp_dyna_init(&dyna, &tets, &config, memory, room) != PALP_OK)
         die(EXIT_WORK, "the cube does not open");
     for (int k = 0; k < SAMPLES; k++) {
-        z[k] = (double)palp_dyna_place(&dyna, corner).z;
+        z[k] = (double)palp_dyna_position(&dyna, corner).z;
         palp_dyna_tick(&dyna, PALP_STEP_CLASSES - 1);
     }
     free(memory);

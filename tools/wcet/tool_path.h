@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Hunting the most expensive tick: a ball goes over a body in a way that a few numbers describe,
- * and the numbers of what was dear are changed a little, again and again. Stands on core alone, so
- * that the same hunt runs on bare targets, where instructions are counted.
+ * The search for the most expensive tick: a ball goes over a body in a way that a few numbers
+ * describe, and the numbers of what was expensive are changed a little, again and again. Stands on
+ * core alone, so that the same search runs on bare targets, where instructions are counted.
  */
 #ifndef PALP_TOOLS_TOOL_PATH_H
 #define PALP_TOOLS_TOOL_PATH_H
@@ -38,7 +38,7 @@ typedef struct {
     uint32_t level;
     palp_lattice_counts filled;
     uint32_t points, active, iterations;
-    uint64_t cost; /* by the clock of the hunt */
+    uint64_t cost; /* by the clock of the search */
 } path_tick;
 
 /* The bound of that: the sum of its steps. */

@@ -27,7 +27,7 @@ typedef struct {
     const tool_path *path; /* under way */
     bool print;
     uint64_t ticks;
-} hunting;
+} search_state;
 
 static uint64_t clock_ns(void *context) {
     (void)context;
@@ -35,7 +35,7 @@ static uint64_t clock_ns(void *context) {
 }
 
 static void told(void *context, const path_tick *tick) {
-    hunting *h = context;
+    search_state *h = context;
     double instructions = (double)path_bound(&h->cost, tick);
     h->ticks++;
     h->longest_ns = fmax(h->longest_ns, (double)tick->cost);
@@ -48,7 +48,7 @@ static void told(void *context, const path_tick *tick) {
 }
 
 static search *make_search(const wcet_spec *s, const machine *m, const palp_blob *blob,
-                           hunting *state) {
+                           search_state *state) {
     search *h = allocate(1, sizeof *h);
     palp_tool ball = palp_tool_sphere(6.5f * blob->meta->mean_edge_m); /* the largest there is */
     ball.friction = s->friction ? 0.3f : 0.0f;
@@ -65,7 +65,7 @@ static search *make_search(const wcet_spec *s, const machine *m, const palp_blob
     return h;
 }
 
-static void run(search *h, hunting *state, const tool_path *path) {
+static void run(search *h, search_state *state, const tool_path *path) {
     state->path = path;
     state->best = 0;
     if (!path_run(h, path, TICKS)) die(EXIT_WORK, "the body cannot be touched: bake it again");
@@ -90,7 +90,7 @@ static void chill(void) {
 }
 
 void wcet_search(const wcet_spec *spec, const machine *m, const palp_blob *blob) {
-    hunting *state = allocate(1, sizeof *state);
+    search_state *state = allocate(1, sizeof *state);
     search *h = make_search(spec, m, blob, state);
     dice d = {1};
     const double each_s = spec->search_s / (PALP_CONTACT_FINEST + 1);
@@ -108,7 +108,7 @@ void wcet_search(const wcet_spec *spec, const machine *m, const palp_blob *blob)
         }
     }
     fprintf(stderr,
-            "hunted %" PRIu64 " ticks on %u paths; what was done, at the target's prices:\n",
+            "searched %" PRIu64 " ticks on %u paths; what was done, at the target's prices:\n",
             state->ticks, paths);
     for (uint32_t l = 0; l <= PALP_CONTACT_FINEST; l++) {
         const costliest *w = &state->of[l];
@@ -171,7 +171,7 @@ int wcet_replay(const wcet_spec *spec, const machine *m, const palp_blob *blob) 
     if (path.dwell == 0 || !(path.radius > 0) || !(path.stiffness > 0))
         die(EXIT_WORK, "%s: no path of palp wcet --keep: dwell, radius and stiffness are missing",
             spec->replay);
-    hunting *state = allocate(1, sizeof *state);
+    search_state *state = allocate(1, sizeof *state);
     search *h = make_search(spec, m, blob, state);
     state->print = true;
     printf("tick,level,fillings,points,active,iterations,instructions_max\n");

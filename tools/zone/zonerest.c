@@ -146,7 +146,7 @@ static felt_vertex *felt_vertices(const rest_model *r, const rest_surface *s, ui
     return felt;
 }
 
-/* How the felt vertices response all seams: [3 count][3 modes of all seams]. To be freed. */
+/* How the felt vertices respond to all seams: [3 count][3 modes of all seams]. To be freed. */
 static double *response_rows(const rest_model *r, const felt_vertex *felt, uint32_t count) {
     const size_t width = 3 * (size_t)first_mode(r, r->seams);
     double *p = allocate_aligned(3 * (size_t)count * width + 1, sizeof *p);
