@@ -16,7 +16,8 @@
  *                                       damping of each tool; then palp_answer_tick
  *     a multizone model                 palp_zones_open, palp_assembly_memsize, palp_assembly_init,
  *                                       palp_answer_memsize, palp_answer_init, stiffness as
- *                                       above; then palp_answer_pose, palp_answer_tick, palp_answer_spare
+ *                                       above; then palp_answer_pose, palp_answer_tick and
+ *                                       palp_answer_spare
  *     a dynamic body                    palp_tets_open, palp_dynamic_memsize, palp_dynamic_init;
  *                                       then palp_dynamic_tick
  *     any boundary value problem        palp_blob_open, palp_cma_memsize, palp_cma_init,

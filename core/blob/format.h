@@ -258,10 +258,10 @@ typedef struct {
 /* What a node is, without its material. */
 typedef struct {
     float volume_m3; /* a quarter of that of its tetrahedra */
-    float
-        gradient_sum[6]; /* sum of V b b^T: xx, yy, zz, yz, zx, xy; the Jacobian at rest (AD 11) is
-                        -((lambda + mu) gradient_sum + mu tr(gradient_sum) I) */
-    float near_m;        /* h: distance to its nearest neighbour (AD 9, 10) */
+    /* S, the sum of V b b^T: xx, yy, zz, yz, zx, xy; the Jacobian at rest (AD 11) is
+     * -((lambda + mu) S + mu tr(S) I) */
+    float gradient_sum[6];
+    float near_m; /* h: distance to its nearest neighbour (AD 9, 10) */
     uint32_t flags;
 } palp_tet_node;
 

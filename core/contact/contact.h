@@ -224,8 +224,8 @@ size_t palp_contact_memsize(const palp_contact_config *config);
                                    8u * PALP_CONTACT_SIDES(finest)) +                              \
      7168u)
 
-/* Starts on the finest level. Errors: ARGUMENT (no regular part, unsound tools, none or too many),
- * LIMITS (finest), MEMORY, ALIGNMENT. */
+/* Starts on the finest level. Errors: ABSENT (no regular part), ARGUMENT (unsound tools, none or
+ * too many), LIMITS (finest), MEMORY, ALIGNMENT. */
 palp_status palp_contact_init(palp_contact *contact, const palp_contact_config *config,
                               void *memory, size_t bytes);
 

@@ -141,7 +141,7 @@ void palp_lattice_set_origin(palp_lattice *l, const palp_lattice_room *r);
 float palp_lattice_cell2(const palp_lattice_room *r, float area_m2);
 
 /* Moves the lattice to what its points say of the overlap; true when another filling is worth it.
- * */
+ */
 bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r, const palp_lattice_filling *f);
 
 #endif

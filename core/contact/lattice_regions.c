@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* What nodes around a tool say: where it overlaps the surface, and regions that no site has shown.
- * */
+ */
 #include "core/contact/lattice_internal.h"
 
 #define NARROWER 0.3f /* share that is left out more when too many nodes say how zones are bent */
@@ -111,7 +111,7 @@ float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
     return palp_tool_extent(tool) + PALP_LATTICE_MARGIN * blob->meta->mean_edge_m;
 }
 
-/* Before there is a lattice: the deepest point of the surface, and the area that nodes see overlapped. */
+/* Before there is a lattice: the deepest point, and the area that nodes see overlapped. */
 static void measure_node(palp_lattice_filling *f, uint32_t body, uint32_t node, float gap_m) {
     const palp_surface *surface = palp_lattice_surface(f->r, body);
     if (gap_m < 0.0f) f->area_m2 += surface->blob->area_m2[node];

@@ -31,8 +31,8 @@ typedef struct {
     palp_vec3 gravity_m_s2;
 } palp_field;
 
-/* Bytes for a field: by the free nodes and by all basis functions of the constraint levels (palp
- * info prints both), as a constant for static memory; and of this blob. */
+/* Bytes for a field: by the free nodes and by all basis functions, those of the constraint levels
+ * added up (palp info prints them), as a constant for static memory; and of this blob. */
 #define PALP_FIELD_BYTES(free_nodes, basis_functions)                                              \
     (32u * (size_t)(free_nodes) + 17u * (size_t)(basis_functions) + 320u)
 size_t palp_field_memsize(const palp_blob *blob);

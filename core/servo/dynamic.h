@@ -18,17 +18,20 @@
 #include "core/servo/budget.h"
 #include "core/contact/impose.h"
 
+/* Pointers are kept. */
 typedef struct {
     const palp_tets *tets;
-    palp_material material;
+    palp_material material; /* mu, density above 0; 3 lambda + 2 mu above 0, and with phi, psi at
+                               least 0 */
     palp_vec3 gravity_m_s2;
     palp_adapt_config adapt;
-    const palp_tool *tools; /* kept by reference */
-    uint32_t tool_count, max_points;
-    uint32_t most_class; /* finest step: tick / 2^most_class */
+    const palp_tool *tools; /* [tool_count], as palp_tool_is_sound */
+    uint32_t tool_count;    /* 1 to PALP_CONTACT_TOOLS */
+    uint32_t max_points; /* vertices of the skin that tools move at a time: 1 to PALP_MAX_NODES */
+    uint32_t most_class; /* finest step: tick_s / 2^most_class; below PALP_STEP_CLASSES */
     palp_cost_table cost;
     palp_port port;
-    float tick_s;
+    float tick_s; /* above 0 */
     bool uniform; /* everything on the finest mesh, no adaptivity: for comparison */
 } palp_dynamic_config;
 
@@ -67,9 +70,10 @@ typedef struct {
 size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points);
 
 /*
- * Tools begin at at_m. Errors: ARGUMENT, ALIGNMENT, MEMORY, and BUDGET when the coarsest mesh with
- * one step does not fit the period (or, uniform, the finest with one step); *bound_ns (may be NULL)
- * then says how much time it needs.
+ * Tools begin at at_m[tool_count], which is not kept. Errors: ARGUMENT (the config out of its
+ * ranges), MEMORY, ALIGNMENT, and BUDGET when the coarsest mesh with one step does not fit the
+ * period (or, uniform, the finest with one step); *bound_ns (may be NULL) then says how much time
+ * it needs.
  */
 palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
                               const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);

@@ -45,8 +45,8 @@ static uint32_t run_faults(const palp_safety *s, const palp_axes_health *a) {
 static void before_run(palp_safety *s, uint32_t events, const palp_axes_health *a) {
     bool steady = seconds(s, s->healthy_ticks) >= PALP_CHECK_S;
     bool impatient = seconds(s, s->state_ticks) > PALP_PATIENCE_S;
-    /* Drives may have been found in any state: only answers younger than the enable sequence count.
-     * */
+    /* Drives may be found in any state: only answers younger than the enable sequence count.
+     */
     uint32_t settle = (uint32_t)(PALP_SETTLE_S / s->dt_s);
     bool acting = a->enabled && a->healthy && a->status_age + settle < s->state_ticks;
     switch (s->state) {

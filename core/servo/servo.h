@@ -75,9 +75,8 @@ typedef struct {
 
 typedef struct palp_servo palp_servo;
 
-/* Stack that any call of this library takes at most, besides the port's clock (make size prints what
- * the compilers report).
- */
+/* Stack that any call of this library takes at most, besides the port's clock (make size prints
+ * what the compilers report). */
 #define PALP_SERVO_STACK 4096u
 
 /* Frames that a tick takes in at most: what its bound is for. */

@@ -7,7 +7,7 @@
 
 palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob) {
     const palp_meta *m = blob->meta;
-    if (blob->regular.modes == 0u) return PALP_ERR_ARGUMENT;
+    if (blob->regular.modes == 0u) return PALP_ERR_ABSENT;
     *surface =
         (palp_surface){.blob = blob,
                        .compliance_m2_per_N = (1.0f + m->poisson) / (PALP_PI_F * m->young_Pa),

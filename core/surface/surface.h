@@ -46,7 +46,7 @@ typedef struct {
     palp_vec3 y, n;  /* on the smooth surface; unit normal, outward */
 } palp_surface_point;
 
-/* Errors: ARGUMENT when the blob has no regular part (its contact cannot be felt). */
+/* Error: ABSENT when the blob has no regular part: bake it again. */
 palp_status palp_surface_open(palp_surface *surface, const palp_blob *blob);
 palp_status palp_surface_open_zone(palp_surface *surface, palp_assembly *assembly, uint32_t zone);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The balance of forces at the seams: both sides of it, zone by zone, and its iterative solution.
- * */
+ */
 #include "seams.h"
 
 /* ---- products, zone by zone ---- */

@@ -10,7 +10,7 @@
  * level. In these modes, with M the modes of all seams of a zone,
  *
  *     stiffness   K = Q^T M Xi_SS Q   [M][M], symmetric (N/m; M makes tractions forces)
- *     response      H = Xi_FS Q         displacement of each free node
+ *     response    H = Xi_FS Q         displacement of each free node
  *     reaction                        force on each fixed node
  *     weight                          force at the seams for unit acceleration
  *
@@ -44,8 +44,8 @@ typedef struct {
 bool palp_zones_are_here(const void *data, size_t bytes);
 
 /*
- * Opens a multizone model in place (64-byte aligned), with all the checks of palp_blob_open. Errors:
- * those of palp_blob_open.
+ * Opens a multizone model in place (64-byte aligned), with all the checks of palp_blob_open.
+ * Errors: those of palp_blob_open.
  */
 palp_status palp_zones_open(palp_zones *zones, const void *data, size_t bytes);
 

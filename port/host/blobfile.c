@@ -4,6 +4,13 @@
 #include "core/zone/zones.h"
 #include "port/host/util.h"
 
+void die_of_blob(const char *path, palp_status status, size_t bytes) {
+    if (status == PALP_ERR_MAGIC || bytes < sizeof(palp_blob_header))
+        die(EXIT_WORK, "%s: not a Palp blob (%zu bytes): 'palp bake' makes one from a mesh", path,
+            bytes);
+    die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", path, palp_status_text(status), bytes);
+}
+
 palp_blob open_blob(const char *path, const void *data, size_t bytes) {
     palp_blob blob;
     if (palp_zones_are_here(data, bytes))
@@ -12,9 +19,7 @@ palp_blob open_blob(const char *path, const void *data, size_t bytes) {
         die(EXIT_WORK, "%s: a dynamic body, which has no Green's functions: 'palp play' moves it",
             path);
     palp_status status = palp_blob_open(&blob, data, bytes);
-    if (status != PALP_OK) {
-        die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", path, palp_status_text(status), bytes);
-    }
+    if (status != PALP_OK) die_of_blob(path, status, bytes);
     return blob;
 }
 

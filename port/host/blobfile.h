@@ -12,4 +12,7 @@ palp_blob load_blob(const char *path);
 /* The same from bytes already read. */
 palp_blob open_blob(const char *path, const void *data, size_t bytes);
 
+/* Exits 1 with why bytes cannot be opened: they are no blob, or a damaged or an older one. */
+_Noreturn void die_of_blob(const char *path, palp_status status, size_t bytes);
+
 #endif

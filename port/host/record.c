@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/host/record.h"
+#include "core/blob/format.h"
 #include "port/host/candump.h"
 #include "port/host/devfile.h"
 #include "port/host/util.h"
+#include <errno.h>
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -171,6 +173,8 @@ static bool peek(record_reader *r) {
     r->line++;
     bool whole = strchr(line, '\n') != NULL;
     if (!whole && feof(r->file)) return false; /* cut off in mid line */
+    if (r->line == 1 && strncmp(line, PALP_BLOB_MAGIC, strlen(PALP_BLOB_MAGIC)) == 0)
+        die(EXIT_WORK, "%s: a blob, where a log is needed: the log comes first", r->path);
     if (!candump_read(line, &r->time_s, r->interface, &r->frame))
         die(EXIT_WORK, "%s:%zu: not a line of a candump log", r->path, r->line);
     r->pending = true;
@@ -265,7 +269,7 @@ record_reader *record_open(const char *path, session_record *session) {
     size_t capacity = 0, used = 0;
     *r = (record_reader){.path = path};
     r->file = strcmp(path, "-") == 0 ? stdin : fopen(path, "r");
-    if (r->file == NULL) die(EXIT_USAGE, "%s: cannot be opened", path);
+    if (r->file == NULL) die(EXIT_USAGE, "%s: %s", path, strerror(errno));
     while (peek(r) && is_own(r, ID_TEXT, 64)) {
         text = grow(text, &capacity, used + 65, 1);
         memcpy(text + used, r->frame.data, 64);

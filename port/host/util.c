@@ -195,3 +195,8 @@ void print_escaped(FILE *f, const char *text) {
             fputc(*text, f);
     }
 }
+
+bool has_extension(const char *path, const char *extension) {
+    const char *dot = strrchr(path, '.');
+    return dot != NULL && strcasecmp(dot, extension) == 0;
+}

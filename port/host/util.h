@@ -56,4 +56,7 @@ bool parse_u32(const char *text, uint32_t *value);
 
 double now_s(void);
 
+/* Whether a path ends in an extension, ".obj", in capitals or not. */
+bool has_extension(const char *path, const char *extension);
+
 #endif

@@ -29,9 +29,8 @@ static const char help[] =
     "\n"
     "  --bus NAME          a SocketCAN interface, or 'loop': device and hand simulated in this "
     "process\n"
-    "  --device NAME|FILE  arm3, desk3, pantograph, delta3, arm3-cia402, -moteus, -mit, -palp, or "
-    "a "
-    "file\n"
+    "  --device NAME|FILE  a file, or arm3, desk3, pantograph, delta3, arm3-cia402, arm3-moteus,\n"
+    "                      arm3-mit, arm3-mit-fd, arm3-palp or arm3-palp-fd\n"
     "  --rate HZ           default 1000\n"
     "  --seconds S         default 10; 0 runs until interrupted\n"
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
@@ -78,6 +77,8 @@ static const option options[] = {
     {"--lockstep", 0}, {"--target", 1},   {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
+#define FAR_SCALE 10.0  /* of a body in the workspace, from which units are doubted */
+#define MOST_STIFF 5.0  /* times the coupling: then the body is hardly felt */
 #define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
 #define RING_SLOTS 2048u
 #define POLL_NS 2000000 /* between looks at the ring */
@@ -147,7 +148,7 @@ static void set_option(void *context, const argument *a) {
         if (strcmp(flag[i].name, o) == 0) *flag[i].value = true;
     if (strcmp(o, "--rate") == 0) s->rate_hz = arg_between(a, 49.9, 20000.1);
     if (strcmp(o, "--seconds") == 0) s->seconds = arg_between(a, -1e-9, 1e7);
-    if (strcmp(o, "--touch") == 0) s->touch = arg_u32(a, 0, 0, PALP_MAX_NODES);
+    if (strcmp(o, "--touch") == 0) s->touch = arg_u32(a, 0, 0, UINT32_MAX - 1);
     if (strcmp(o, "--seed") == 0) s->seed = arg_u32(a, 0, 0, UINT32_MAX);
     if (strcmp(o, "--cpu") == 0) s->realtime.cpu = (int)arg_u32(a, 0, 0, 1023);
     if (strcmp(o, "--priority") == 0) s->realtime.priority = (int)arg_u32(a, 0, 1, 98);
@@ -347,7 +348,9 @@ static void check_node(const daemon_spec *s, const palp_blob *blob) {
             s->blob);
     if (s->touch != UINT32_MAX &&
         (s->touch >= blob->meta->nodes || palp_node_is_fixed(blob, s->touch)))
-        die(EXIT_USAGE, "--touch: node %" PRIu32 " is not a free node of the blob", s->touch);
+        die(EXIT_USAGE,
+            "--touch: node %" PRIu32 " is not a free one of the blob's nodes 0 to %" PRIu32,
+            s->touch, blob->meta->nodes - 1);
 }
 
 static void log_session(FILE *log, const daemon_spec *s, const palp_servo_config *config) {
@@ -383,6 +386,18 @@ static void run(consumer *f) {
     pthread_join(thread, NULL);
 }
 
+/* A hand that never came near the body. */
+static void warn_of_distance(const consumer *f) {
+    const run_record *r = &f->record;
+    size_t touching = 0;
+    for (size_t i = 0; i < r->count; i++) touching += r->tick[i].active > 0;
+    if (touching == 0 && f->counters.outside > 0)
+        warn("nothing was touched, and the tool was beyond the workspace (%g m about the home "
+             "pose) in "
+             "%" PRIu64 " ticks",
+             (double)f->device->workspace_radius_m, f->counters.outside);
+}
+
 static int conclude(const daemon_spec *s, const consumer *f) {
     const run_record *r = &f->record;
     const palp_report *last = &r->tick[r->count - 1];
@@ -390,6 +405,7 @@ static int conclude(const daemon_spec *s, const consumer *f) {
         printf("lock step: %" PRIu64 " ticks, %" PRIu64
                " frames lost or out of turn, digest %016" PRIx64 "\n",
                f->loop->done, f->loop->lockstep_lost, f->digest);
+    warn_of_distance(f);
     if (last->state == PALP_STATE_RUN && last->faults == 0) return EXIT_SUCCESS;
     if ((last->faults & PALP_FAULT_BUS) != 0 && f->loop->memory == NULL)
         warn("the bus failed: check the interface (ip -details link show %s)", s->bus);
@@ -422,6 +438,27 @@ static void find_speed(machine *speed, const daemon_spec *s, const palp_blob *bl
     }
     calibration c = {speed, blob, tool, node};
     pthread_join(realtime_start(&s->realtime, "palp-measure", run_calibration, &c), NULL);
+}
+
+/* What is about to be felt, and warnings where it will hardly be the body. */
+static void introduce(const daemon_spec *s, const palp_blob *blob, const touch_frame *touch,
+                      const palp_servo_config *config) {
+    const double scale = (double)touch->placement.scale;
+    const double coupling = (double)palp_device_coupling(&config->device);
+    const double softest = scale * scale * (double)blob->meta->stiffness_min_N_per_m;
+    const double stiffest = scale * scale * (double)blob->meta->stiffness_max_N_per_m;
+    printf("%s: %" PRIu32
+           " nodes of %.4g to %.4g N/m at the hand, tool radius %.4g m at node %" PRIu32
+           ", scale %.4g, coupling %.4g N/m, %.3g ns per instruction\n",
+           s->blob, blob->meta->nodes, softest, stiffest, (double)touch->tool_radius_m, touch->node,
+           scale, coupling, (double)config->cost.ns_per_instruction);
+    if (scale > FAR_SCALE || scale < 1 / FAR_SCALE)
+        warn("the body comes into the workspace %.3g times %s than it is: is it in metres?",
+             scale > 1 ? scale : 1 / scale, scale > 1 ? "smaller" : "larger");
+    if (softest > MOST_STIFF * coupling)
+        warn("the body is stiffer at the hand (%.3g N/m and more) than the coupling (%.3g N/m), "
+             "which is all that will be felt: bake it softer, or nearer to the workspace's size",
+             softest, coupling);
 }
 
 typedef struct {
@@ -534,11 +571,7 @@ int main(int argc, char **argv) {
                             .tool_radius_m = touch.tool_radius_m};
     if (s.dds) f.telemetry = telemetry_open(&file.device);
     if (s.log != NULL) log_session(out.log.file, &s, &config);
-    printf("%s: %" PRIu32 " nodes, tool radius %.4g m at node %" PRIu32
-           ", scale %.4g, coupling %.4g N/m, %.3g ns per instruction\n",
-           s.blob, blob.meta->nodes, (double)touch.tool_radius_m, touch.node,
-           (double)touch.placement.scale, (double)palp_device_coupling(&file.device),
-           (double)config.cost.ns_per_instruction);
+    introduce(&s, &blob, &touch, &config);
     fflush(stdout);
     running = loop;
     handle_signals();

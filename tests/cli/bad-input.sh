@@ -93,7 +93,7 @@ refuses 2 "not a constraint level" "solve: unknown level" $palp solve good.palp 
 refuses 2 "no device" "palpd: no device" $palpd good.palp --bus loop
 refuses 2 "no device 'x'" "palpd: unknown device" $palpd good.palp --bus loop --device x
 refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --device arm3
-refuses 2 "not a free node" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
+refuses 2 "not a free one of" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
 echo "0 0 0" >hand.txt
 refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
 sed 's/^mass.*/mass -1/' "$here/sim/devices/arm3.dev" >bad.dev

@@ -60,7 +60,7 @@ else
     count=$((count + 1)); echo "ok $count - changed descriptions # SKIP python3 is not installed (make deps)"
 fi
 refuses 1 "not the blob" "replay: another blob" $palp replay arm3.log other.palp
-refuses 2 "cannot be opened" "replay: no such log" $palp replay none.log body.palp
+refuses 2 "No such file" "replay: no such log" $palp replay none.log body.palp
 echo hello >bad.log
 refuses 1 "bad.log:1" "replay: not a log" $palp replay bad.log body.palp
 printf '(0000000000.000000) can0 123#00\n' >foreign.log

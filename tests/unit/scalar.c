@@ -109,7 +109,7 @@ int main(void) {
     palp_tool tool = palp_tool_sphere(0.1f);
     const palp_contact_config config = {.blob = &blob, .tools = &tool, .tool_count = 1};
     size_t room = palp_contact_memsize(&config);
-    CHECK(palp_contact_init(&c, &config, allocate_aligned(room, 1), room) == PALP_ERR_ARGUMENT,
+    CHECK(palp_contact_init(&c, &config, allocate_aligned(room, 1), room) == PALP_ERR_ABSENT,
           "nothing to touch: contact refuses a scalar blob");
     return tap_done();
 }

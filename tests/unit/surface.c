@@ -406,7 +406,7 @@ static void test_errors(const baked *b) {
     palp_blob plain = b->blob;
     plain.regular = (palp_regular){.modes = 0};
     config.blob = &plain;
-    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_ARGUMENT,
+    CHECK(palp_contact_init(&c, &config, memory, bytes) == PALP_ERR_ABSENT,
           "a body without modes cannot be touched");
     config = good;
     config.tools = &bad;

@@ -6,6 +6,7 @@
 #include "tools/cli/play.h"
 #include "tools/cli/scene.h"
 #include "tools/study/plot.h"
+#include "port/host/blobfile.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -382,9 +383,7 @@ int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     player *p = allocate(1, sizeof *p);
     p->spec = s;
     palp_status status = palp_tets_open(&p->tets, data, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", s->blob, palp_status_text(status),
-            bytes);
+    if (status != PALP_OK) die_of_blob(s->blob, status, bytes);
     p->s = scene_read(s->scene, NULL);
     open_body(p);
     run(p);

@@ -270,9 +270,7 @@ int command_info(int argc, char **argv) {
     if (palp_tets_are_here(data, bytes)) {
         palp_tets t;
         palp_status status = palp_tets_open(&t, data, bytes);
-        if (status != PALP_OK)
-            die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", s.blob, palp_status_text(status),
-                bytes);
+        if (status != PALP_OK) die_of_blob(s.blob, status, bytes);
         print_tets(&t, bytes, s.json);
         return EXIT_SUCCESS;
     }

@@ -144,9 +144,8 @@ static double ns_per_operation(player *p, const palp_answer_config *config, void
     palp_answer_config counted = *config;
     float at_target_ns = 0, at_one_ns = 0;
     if (p->spec->ns_per_operation > 0) return p->spec->ns_per_operation;
-    counted.cost = (palp_cost_table){.target = &palp_target_counted,
-                                     .ns_per_instruction = 1,
-                                     .margin = config->cost.margin};
+    counted.cost = (palp_cost_table){
+        .target = &palp_target_counted, .ns_per_instruction = 1, .margin = config->cost.margin};
     (void)palp_answer_init(p->b, config, memory, bytes, &at_target_ns);
     (void)palp_answer_init(p->b, &counted, memory, bytes, &at_one_ns);
     return (double)(at_target_ns / fmaxf(at_one_ns, 1.0f));

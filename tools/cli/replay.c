@@ -156,11 +156,14 @@ int command_replay(int argc, char **argv) {
         }
         ticks++;
     }
+    run_totals totals;
+    const bool ended = record_totals(reader, &totals);
     record_close(reader);
     if (csv.file != NULL && why[0] == '\0') commit_output(&csv);
     if (ticks == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
     if (why[0] != '\0')
         die(EXIT_WORK, "%s: tick %" PRIu64 " at %.6f s: %s", s.log, t->report.tick, t->time_s, why);
+    if (!ended) warn("%s: the log ends before its run did", s.log);
     printf("%s: %" PRIu64 " ticks repeated bit for bit, digest %016" PRIx64 "\n", s.log, ticks,
            digest);
     return EXIT_SUCCESS;

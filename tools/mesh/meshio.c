@@ -261,6 +261,11 @@ static void read_stl(builder *b, const char *data, size_t bytes) {
     } else if (strncmp(skip_blanks(data), "solid", 5) == 0 && memchr(data, '\0', bytes) == NULL) {
         read_stl_text(b, data);
     } else {
+        if (bytes < 84)
+            die(EXIT_WORK,
+                "%s: no STL file: it neither begins with 'solid' nor has the 84 bytes of a binary "
+                "header",
+                b->path);
         die(EXIT_WORK, "%s: binary STL with %" PRIu32 " triangles needs %zu bytes, has %zu",
             b->path, count, 84 + 50 * (size_t)count, bytes);
     }
@@ -461,11 +466,6 @@ static void read_ply(builder *b, const char *data, size_t bytes) {
 
 /* ---- */
 
-static bool has_extension(const char *path, const char *extension) {
-    const char *dot = strrchr(path, '.');
-    return dot != NULL && strcasecmp(dot, extension) == 0;
-}
-
 mesh mesh_load(const char *path) {
     size_t bytes;
     char *data = read_file(path, &bytes);
@@ -478,6 +478,8 @@ mesh mesh_load(const char *path) {
     } else if (has_extension(path, ".obj") || strcmp(path, "-") == 0) {
         if (memchr(data, '\0', bytes) != NULL) die(EXIT_WORK, "%s: not a text file", path);
         read_obj(&b, data);
+    } else if (has_extension(path, ".ply")) {
+        die(EXIT_WORK, "%s: no PLY file: its first line is not 'ply'", path);
     } else {
         die(EXIT_USAGE, "%s: unknown mesh format: need .obj, .stl or .ply", path);
     }

@@ -504,6 +504,8 @@ static remesh_spec parse(int argc, char **argv, const option *table, const char 
     args_parse(argc, argv, table, help, set_option, &s);
     if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
     if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT.obj");
+    if (strcmp(s.output, "-") != 0 && !has_extension(s.output, ".obj"))
+        die(EXIT_USAGE, "-o %s: meshes are written as OBJ: name it .obj", s.output);
     return s;
 }
 

@@ -29,7 +29,7 @@ static const char help[] =
     "  --ns-per-operation N   instead: an assumed machine, N ns for each operation that the code "
     "counts;\n"
     "                    palp play runs on the same\n"
-    "  --limits          of contact at nodes, before version 0.4: left aside, contact has levels\n"
+    "  --limits          of contact at nodes, which older versions had: left aside\n"
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
     "  --tools N         how many of them, 1 to 4 (default 1)\n"
@@ -213,8 +213,7 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
     const palp_prices *price[2] = {&m->target.instructions, &palp_bytes_touched};
     const uint32_t finest = PALP_SEAM_LEVELS - 1u;
     palp_status status = palp_zones_open(&z, data, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
+    if (status != PALP_OK) die_of_blob(s->blob, status, bytes);
     size_t room = palp_assembly_memsize(&z, finest);
     status = palp_assembly_init(&a, &z, finest, allocate_aligned(room, 1), room);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
@@ -273,8 +272,7 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
     palp_tets tets;
     const uint32_t points = 64;
     palp_status status = palp_tets_open(&tets, data, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "%s: %s: bake it again", s->blob, palp_status_text(status));
+    if (status != PALP_OK) die_of_blob(s->blob, status, bytes);
     const palp_tets_meta *meta = tets.meta;
     palp_tool tool[PALP_CONTACT_TOOLS];
     choose_tools(s, 0.05f * meta->diagonal_m, tool);

@@ -2,6 +2,7 @@
 #include "tools/zone/zonesolve.h"
 #include "tools/bake/conditions.h"
 #include "tools/solver/dense.h"
+#include "port/host/blobfile.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <stdlib.h>
@@ -14,8 +15,7 @@
 palp_zones *open_zones(const char *path, const char *data, size_t bytes) {
     palp_zones *z = allocate(1, sizeof *z);
     palp_status status = palp_zones_open(z, data, bytes);
-    if (status != PALP_OK)
-        die(EXIT_WORK, "%s: %s (%zu bytes): bake it again", path, palp_status_text(status), bytes);
+    if (status != PALP_OK) die_of_blob(path, status, bytes);
     return z;
 }
 
