@@ -5,7 +5,7 @@
 skip() { echo "ok 1 - frame fuzzing # SKIP $1"; echo 1..1; exit 0; }
 command -v clang >/dev/null || skip "clang is not installed (make deps)"
 cd "$here" || exit 1
-sources="tests/fuzz/frames.c $(ls core/*/*.c port/host/*.c sim/*.c tools/*/*.c | grep -vE 'tools/cli/main.c|tools/examples/|sim/palp_sim.c')"
+sources="tests/fuzz/frames.c $(ls core/*/*.c port/host/*.c sim/*.c | grep -v sim/palp_sim.c)"
 clang -std=c11 -O1 -g -D_GNU_SOURCE -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=undefined -ffp-contract=off -I. $sources \
     "$BUILD/devices.c" -pthread -lm -o "$work/fuzz" 2>"$work/errors" || skip "libFuzzer does not link: $(tail -1 "$work/errors")"
 mkdir -p "$work/new" && tar -xJf tests/fuzz/corpus.tar.xz -C "$work"

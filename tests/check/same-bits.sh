@@ -2,7 +2,7 @@
 # The same blob and the same frames give the same bits from every compiler, level and target that is here.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-seconds=${PALP_SECONDS:-8} # ticks at 1 kHz
+seconds=${PALP_SECONDS:-5} # ticks at 1 kHz
 "$palp" subdivide blobs/rabbit.obj -o "$work/rabbit.obj" --levels 2 > /dev/null
 "$palp" bake "$work/rabbit.obj" --as-is -o "$work/r.palp" --young 3e4 --poisson 0.45 --fix-below z 0.004 --table-mb 1 > /dev/null 2>&1
 small_chain "$work/z.palp"

@@ -59,6 +59,9 @@ static const specification specifications[] = {
 static const char *const devices[] = {"arm3",     "arm3-cia402", "arm3-moteus",
                                       "arm3-mit", "arm3-palp",   "arm3-palp-fd"};
 #define DEVICES (sizeof devices / sizeof devices[0])
+#ifndef EVERY
+#define EVERY 1 /* of so many protocols each fault meets one, in turn: under sanitizers */
+#endif
 #ifndef TRIALS
 #define TRIALS 2 /* of each fault under each protocol; fewer under sanitizers, more in make soak */
 #endif
@@ -162,6 +165,7 @@ static void test_fault(const specification *s, uint64_t *seed) {
     uint32_t seen_faults = 0, seen_states = 0;
     float least_N = 1e9f, given_J = 0;
     for (size_t d = 0; d < DEVICES; d++) {
+        if ((d + (size_t)(s - specifications)) % EVERY != 0) continue;
         for (int k = 0; k < (tap_full() ? 2 * TRIALS : TRIALS); k++) {
             trial t = strike(s, devices[d], ++*seed);
             bool in_time = (s->counter == SIZE_MAX && s->outcome == STAYS) || s->outcome == ANY ||
@@ -373,6 +377,6 @@ int main(void) {
     test_continuity();
     test_death();
     test_soup(1000);
-    CHECK(all_ticks >= 250000 * TRIALS, "%llu ticks in all", (unsigned long long)all_ticks);
+    CHECK(all_ticks >= 250000 / EVERY * TRIALS, "%llu ticks in all", (unsigned long long)all_ticks);
     return tap_done();
 }
