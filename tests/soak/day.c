@@ -173,28 +173,23 @@ static void keep_books(books *b, const rig *r, double before_J, day *d) {
  * together only fall. Where they rise, the contact made energy: it came late upon a part of the
  * surface, or its path did not close (`make feel`). The guard brakes for that as for any other; so
  * the largest rise before it brakes explains that it does. A tool that slips off a tip is held
- * where it was for a few ticks, until the contact is given up.
+ * where it was for a few ticks, until the contact is found again or given up.
  */
 typedef struct {
     palp_vec3 tip_m, force_N;
     double work_J, least_J, made_J;
     bool braked;
-    uint32_t held;         /* ticks in a row, with a force */
-    uint64_t slips, stray; /* contacts lost after such; held ticks that are none of these */
+    uint32_t held, longest_held; /* ticks in a row, with a force */
+    uint64_t slips;              /* contacts that were lost after such */
 } contact_books;
 
 static void keep_contact_books(contact_books *b, const palp_report *report) {
     const palp_vec3 mean_N = palp_scale(0.5f, palp_add(b->force_N, report->force_N));
     b->braked = b->braked || report->braked;
     const bool forced = palp_norm(report->force_N) > 0;
-    if (report->held && forced) {
-        b->held++;
-    } else {
-        const bool slipped = b->held > 0 && b->held <= SLIP_TICKS && !forced;
-        b->slips += slipped;
-        b->stray += slipped ? 0 : b->held;
-        b->held = 0;
-    }
+    b->slips += b->held > 0 && !forced; /* given up */
+    b->held = report->held && forced ? b->held + 1 : 0;
+    if (b->held > b->longest_held) b->longest_held = b->held;
     b->work_J += (double)palp_dot(mean_N, palp_sub(report->tip_m, b->tip_m));
     b->tip_m = report->tip_m;
     b->force_N = report->force_N;
@@ -210,8 +205,8 @@ static bool contact_explains(day *d, const contact_books *c, size_t offset, uint
         d->made_J = fmax(d->made_J, c->made_J);
         return true;
     }
-    if (offset == offsetof(palp_counters, held) && c->slips > 0 && c->stray == 0 &&
-        moved <= c->slips * SLIP_TICKS) {
+    if (offset == offsetof(palp_counters, held) && c->longest_held <= SLIP_TICKS &&
+        moved <= SLIP_TICKS * (c->slips + 1)) {
         d->slipped++;
         return true;
     }
