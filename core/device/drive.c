@@ -330,7 +330,7 @@ static uint32_t send_by_protocol(palp_drive *drive, const palp_drive_config *con
 }
 
 uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
-                         palp_drive_request request, float torque_Nm, palp_can_frame *out) {
+                         palp_drive_request request, float commanded_Nm, palp_can_frame *out) {
     if (request != drive->request) {
         drive->request = request;
         drive->since_request = drive->waited = drive->tries = 0;
@@ -339,9 +339,9 @@ uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
         if (request == PALP_REQUEST_CONFIGURE && config->protocol == PALP_PROTOCOL_CIA402)
             drive->configured = false;
     }
-    bool sound = request == PALP_REQUEST_TORQUE && palp_is_finite(torque_Nm);
+    bool sound = request == PALP_REQUEST_TORQUE && palp_is_finite(commanded_Nm);
     float limit = config->torque_max_Nm;
-    float torque = sound ? palp_clamp(torque_Nm, -limit, limit) : 0.0f;
+    float torque = sound ? palp_clamp(commanded_Nm, -limit, limit) : 0.0f;
     uint32_t n = send_by_protocol(drive, config, request, torque, out);
     if (drive->since_request < AGE_LIMIT) drive->since_request++;
     if (drive->status_age < AGE_LIMIT) drive->status_age++;

@@ -95,9 +95,9 @@ palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *con
                                  const palp_can_frame *frame);
 
 /* Called once per tick after receiving: what to send, at most PALP_DRIVE_FRAMES to `out`; returns
- * how many. torque_Nm is used with the request TORQUE only and is limited to torque_max_Nm. */
+ * how many. commanded_Nm is used with the request TORQUE only and is limited to torque_max_Nm. */
 uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
-                         palp_drive_request request, float torque_Nm, palp_can_frame *out);
+                         palp_drive_request request, float commanded_Nm, palp_can_frame *out);
 
 /* What goes to all drives after that, once per tick: `tick` paces it. */
 uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,

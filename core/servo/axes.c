@@ -150,11 +150,11 @@ palp_axes_health palp_axes_check(const palp_device_axes *axes) {
 }
 
 uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device,
-                        palp_drive_request request, const float torque_Nm[PALP_AXES], uint64_t tick,
-                        palp_can_frame *out) {
+                        palp_drive_request request, const float commanded_Nm[PALP_AXES],
+                        uint64_t tick, palp_can_frame *out) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < axes->count; i++) {
-        n += palp_drive_send(&axes->drive[i], &device->drives, request, torque_Nm[i], out + n);
+        n += palp_drive_send(&axes->drive[i], &device->drives, request, commanded_Nm[i], out + n);
     }
     return n + palp_drives_send_shared(&device->drives, tick, out + n);
 }

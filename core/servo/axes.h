@@ -63,9 +63,9 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, const pal
 
 palp_axes_health palp_axes_check(const palp_device_axes *axes);
 
-/* Frames of this tick; `torque_Nm` of the motors is used with the request TORQUE only. */
+/* Frames of this tick; `commanded_Nm` of the motors is used with the request TORQUE only. */
 uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device,
-                        palp_drive_request request, const float torque_Nm[PALP_AXES], uint64_t tick,
-                        palp_can_frame *out);
+                        palp_drive_request request, const float commanded_Nm[PALP_AXES],
+                        uint64_t tick, palp_can_frame *out);
 
 #endif

@@ -30,18 +30,23 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
         slew_Nm[i] = palp_norm((palp_vec3){x[i], y[i], z[i]}) / palp_abs(device->gear[i]);
 }
 
-/* Feed-forward torque at motor i. It follows `wanted_Nm` within what the contact leaves of the slew
+/* At one motor (Nm): feed-forward that is wanted, and the share of it that is sent; what contact and
+ * compensation ask for; the limits of the torque and of its change in a tick. */
+typedef struct {
+    float wanted, share, contact, compensation, limit, slew;
+} motor_request;
+
+/* Feed-forward torque at motor i. It follows `wanted` within what the contact leaves of the slew
  * limit, and within what the other torques leave of the motor's limit. `share` fades it at once. */
-static float feed_forward(palp_output *output, float wanted_Nm, float share,
-                          float contact_torque_Nm, float rest_Nm, float limit_Nm, float slew_Nm,
-                          uint32_t i, bool *slewed) {
+static float feed_forward(palp_output *output, uint32_t i, const motor_request *m, bool *slewed) {
+    const float rest = m->contact + m->compensation;
     const float left =
-        palp_max(slew_Nm - palp_abs(contact_torque_Nm - output->contact_torque_Nm[i]), 0.0f);
-    const float change = wanted_Nm - output->feedforward_Nm[i];
+        palp_max(m->slew - palp_abs(m->contact - output->contact_torque_Nm[i]), 0.0f);
+    const float change = m->wanted - output->feedforward_Nm[i];
     *slewed = *slewed || palp_abs(change) > left;
     output->feedforward_Nm[i] += palp_clamp(change, -left, left);
-    const float forward = share * output->feedforward_Nm[i];
-    const float fits = palp_clamp(forward, -limit_Nm - rest_Nm, limit_Nm - rest_Nm);
+    const float forward = m->share * output->feedforward_Nm[i];
+    const float fits = palp_clamp(forward, -m->limit - rest, m->limit - rest);
     *slewed = *slewed || palp_abs(fits - forward) > 0.0f;
     return fits;
 }
@@ -69,12 +74,15 @@ static float motor_torques(palp_output *output, const palp_device *device, const
         if (palp_abs(contact[i]) > room) share = palp_min(share, room / palp_abs(contact[i]));
     }
     for (uint32_t i = 0; i < axes; i++) {
-        const float rest = share * contact[i] + extra[i],
-                    wanted = palp_clamp(request->feedforward_Nm[i], -limit, limit);
-        const float forward = feed_forward(output, wanted, request->gravity_share,
-                                           share * contact[i], rest, limit, slew[i], i, &r->slewed);
-        r->contact_torque_Nm[i] = output->contact_torque_Nm[i] = share * contact[i];
-        r->motor_torque_Nm[i] = palp_clamp(rest + forward, -limit, limit);
+        const motor_request m = {.wanted = palp_clamp(request->feedforward_Nm[i], -limit, limit),
+                                 .share = request->gravity_share,
+                                 .contact = share * contact[i],
+                                 .compensation = extra[i],
+                                 .limit = limit,
+                                 .slew = slew[i]};
+        const float forward = feed_forward(output, i, &m, &r->slewed);
+        r->contact_torque_Nm[i] = output->contact_torque_Nm[i] = m.contact;
+        r->motor_torque_Nm[i] = palp_clamp(m.contact + m.compensation + forward, -limit, limit);
     }
     return share;
 }

@@ -227,6 +227,16 @@ static void check_failures(void) {
     CHECK(palp_blob_open(&opened, body.bytes, body.size - 64) != PALP_OK &&
               memcmp(&opened, &body.blob, sizeof opened) == 0,
           "a blob that cannot be opened leaves the one before");
+    static palp_zones some_zones;
+    palp_tets some_tets;
+    CHECK(palp_blob_open(&opened, NULL, 64) == PALP_ERR_TRUNCATED &&
+              palp_zones_open(&some_zones, NULL, 64) == PALP_ERR_TRUNCATED &&
+              palp_tets_open(&some_tets, NULL, 64) == PALP_ERR_TRUNCATED,
+          "no bytes are a blob that is cut off");
+    const palp_vec3 before = posed->gravity_m_s2, bad = {0, 0, NAN};
+    CHECK(palp_assembly_gravity(posed, bad) == PALP_ERR_NOT_FINITE &&
+              memcmp(&before, &posed->gravity_m_s2, sizeof before) == 0,
+          "gravity that is no number leaves the one before");
     palp_servo *servo = NULL;
     palp_servo_config c = servo_config();
     c.tool.friction = NAN;
