@@ -8,7 +8,8 @@ seconds=${PALP_SECONDS:-5} # ticks at 1 kHz
 small_chain "$work/z.palp"
 printf 'mesh bar.obj\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' > "$work/d.model"
 "$palp" bake "$work/d.model" -o "$work/d.palp" > /dev/null 2>&1
-"$palpd" "$work/r.palp" --bus loop --device arm3 --seconds "$seconds" --lockstep --log "$work/all.log" >/dev/null
+printf '0 0 0 0.02\n1.5 0 0 -0.006\n3 0.006 0.004 -0.008\n4 0 -0.004 0.002\n6 0 0 -0.004\n8 0 0 0.02\n' > "$work/hand"
+"$palpd" "$work/r.palp" --bus loop --device arm3 --hand "$work/hand" --seconds "$seconds" --lockstep --log "$work/all.log" >/dev/null
 grep -E ' loop 0(21|29|41|49|61|69)#' "$work/all.log" > "$work/r.log" # what the drives sent
 lines=$(grep -c . "$work/r.log")
 [ "$lines" -ge $((3 * ${seconds%.*} * 1000)) ]; ok $? "a log of $lines frames in $seconds s of ticks at 1 kHz"

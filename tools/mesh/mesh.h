@@ -15,13 +15,25 @@ typedef struct {
     uint32_t (*t)[3];
 } mesh;
 
+/* What was mended in a mesh that a program exported. */
+typedef struct {
+    uint32_t corners;   /* repeated ones, left out */
+    uint32_t wires;     /* faces of fewer than three corners, left out */
+    uint32_t unused;    /* vertices that no face names, left out */
+    uint32_t welded;    /* vertices at the place of another */
+    uint32_t slivers;   /* triangles without area */
+    uint32_t junctions; /* vertices that lie on an edge of another triangle */
+    double within_m;    /* how near counts as the same place */
+} mesh_mended;
+
 /* Undirected edge a < b with its two triangles, in the order in which triangles name it. */
 typedef struct {
     uint32_t a, b;
     uint32_t triangle[2];
 } mesh_edge;
 
-/* Reads OBJ, STL or PLY by content and extension; polygons are triangulated. Exits on bad files. */
+/* Reads OBJ, STL or PLY by content and extension; polygons are triangulated, open edges mended where
+ * their ends lie at the same place (meshmend.h), which is reported on stderr. Exits on bad files. */
 mesh mesh_load(const char *path);
 void mesh_save_obj(const mesh *m, const char *path);
 mesh mesh_copy(const mesh *m);

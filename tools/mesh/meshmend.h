@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Mending meshes as programs export them. Only what is open is touched: a mesh whose edges all have
+ * two triangles stays as it is, but for triangles without area.
+ *
+ *   weld        vertices at open edges that lie at the same place become one, the first
+ *   slivers     a triangle whose corners lie on a line goes; its longest edge is turned
+ *   junctions   where a vertex of one open edge lies on another, that one's triangle is cut there
+ *
+ * The same place: within 1e-6 of the bounding box' diagonal.
+ */
+#ifndef PALP_TOOLS_MESHMEND_H
+#define PALP_TOOLS_MESHMEND_H
+
+#include "tools/mesh/mesh.h"
+
+/* Adds what it does to `mended`. */
+void mesh_mend(mesh *m, mesh_mended *mended);
+
+/* One line on stderr if anything was mended. */
+void mesh_report_mended(const char *path, const mesh_mended *mended);
+
+#endif
