@@ -4,7 +4,7 @@
 # soak) all do.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-tests="base contracts blob wavelet surface friction zones grasp tets device passivity servo faults"
+tests="base contracts mesh blob wavelet surface friction zones grasp tets device passivity servo faults"
 make -s -j2 BUILD="$BUILD/sanitized" PLAIN="$([ -n "$FULL" ] || echo tools/solver tools/bake tools/zone)" OPTIMISE=-O2 WARN=-w DDS= \
     INSTRUMENT="-g -fsanitize=address,undefined -fno-sanitize-recover=undefined -DTRIALS=1 $([ -n "$FULL" ] || echo -DEVERY=3)" \
     $(for t in $tests; do echo "$BUILD/sanitized/tests/$t"; done) >"$work/errors" 2>&1 ||

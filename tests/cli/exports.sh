@@ -24,6 +24,6 @@ refuses 1 "comma.stl:4: a vertex needs three numbers" "decimal commas" $palp rem
 printf 'v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n' > nan.obj
 refuses 1 "nan.obj:3: coordinate 1" "a corner that is no number" $palp remesh nan.obj -o out.obj
 printf 'v 0 0 0\nf 1 2 3\n' > range.obj
-refuses 1 "range.obj:2: vertex 1" "a vertex that is not there" $palp remesh range.obj -o out.obj
+refuses 1 "range.obj:2: vertex 2 is out of range" "a vertex that is not there" $palp remesh range.obj -o out.obj
 refuses 2 "name it .obj" "an output of another format" $palp remesh files/plain.obj -o out.stl
 done_testing

@@ -148,8 +148,23 @@ static void test_sha(void) {
     CHECK(memcmp(digest, wanted, 4) == 0 && digest[31] == 0xad, "SHA-256 of abc (FIPS 180-4)");
 }
 
+/* Shapes with fewer triangles than a base mesh has: they are split first. */
+static void test_few(void) {
+    for (uint32_t n = 1; n <= 3; n++) {
+        mesh box = model_box(0.1, n);
+        remesh_report r;
+        mesh out = remesh(&box, "box", 1, 0, &r);
+        CHECK(r.flipped == 0 && fabs(mesh_volume(&out) / 1e-3 - 1) < 0.05,
+              "a box of %u triangles: %u of them, volume %.3g of 1e-3", 12 * n * n, out.triangles,
+              mesh_volume(&out));
+        mesh_free(&out);
+        mesh_free(&box);
+    }
+}
+
 int main(void) {
     progress_quiet(1);
+    test_few();
     test_detection();
     test_loop();
     test_map();

@@ -89,13 +89,12 @@ static size_t corners_of(builder *b, const polygon *f, uint32_t *corner) {
     for (size_t k = 0; k < f->corners; k++) {
         const int64_t v = b->corner[f->first + k];
         if (v < 0 || (uint64_t)v >= b->vertices)
-            die(EXIT_WORK,
-                "%s:%zu: vertex %" PRId64 " (0-based) of a face is out of range: there are %zu",
-                b->path, f->line, v, b->vertices);
+            die(EXIT_WORK, "%s:%zu: vertex %" PRId64 " is out of range (%zu vertices)", b->path,
+                f->line, v + b->first_number, b->vertices);
         for (int axis = 0; axis < 3; axis++) {
             if (!isfinite(b->x[v][axis]))
                 die(EXIT_WORK, "%s:%zu: coordinate %d of vertex %" PRId64 " is not a finite number",
-                    b->path, b->x_line[v], axis + 1, v);
+                    b->path, b->x_line[v], axis + 1, v + b->first_number);
         }
         const uint32_t c = (uint32_t)v;
         if (n > 0 && corner[n - 1] == c)

@@ -19,7 +19,8 @@ typedef struct {
     size_t vertices, corners, faces;
     size_t x_capacity, line_capacity, corner_capacity, face_capacity;
     mesh_mended mended;
-    bool separate; /* each triangle has vertices of its own (STL) */
+    int first_number; /* of a vertex, as the file counts */
+    bool separate;    /* each triangle has vertices of its own (STL) */
 } builder;
 
 void builder_vertex(builder *b, const double x[3], size_t line);

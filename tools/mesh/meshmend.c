@@ -186,7 +186,7 @@ static uint32_t across(const mesh *m, uint32_t triangle, uint32_t a, uint32_t b,
     return NONE;
 }
 
-static uint32_t turn_slivers(mesh *m, double within) {
+static uint32_t turn_once(mesh *m, double within) {
     uint32_t turned = 0;
     for (uint32_t i = 0; i < m->triangles; i++) {
         uint32_t k, facing;
@@ -210,6 +210,21 @@ static uint32_t turn_slivers(mesh *m, double within) {
         memcpy(m->t[i], one, sizeof one);
         memcpy(m->t[other], two, sizeof two);
     }
+    return turned;
+}
+
+/* All of them; or none, where some would be left. */
+static uint32_t turn_slivers(mesh *m, double within) {
+    mesh before = mesh_copy(m);
+    uint32_t turned = turn_once(m, within), corner;
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        if (!is_sliver(m, i, within, &corner)) continue;
+        memcpy(m->t, before.t, before.triangles * sizeof *m->t);
+        m->triangles = before.triangles;
+        turned = 0;
+        break;
+    }
+    mesh_free(&before);
     return turned;
 }
 

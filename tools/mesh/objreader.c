@@ -59,7 +59,6 @@ static void read_face(builder *b, const char *p, size_t line) {
         const long long index = strtoll(p, &end, 10);
         if (end == p)
             die(EXIT_WORK, "%s:%zu: a face needs vertex numbers, found '%.12s'", b->path, line, p);
-        if (index == 0) die(EXIT_WORK, "%s:%zu: vertex 0: OBJ counts from 1", b->path, line);
         builder_corner(b, index < 0 ? (int64_t)b->vertices + index : index - 1);
         p = end;
         while (*p != '\0' && !isspace((unsigned char)*p)) p++; /* /vt/vn */
@@ -67,6 +66,7 @@ static void read_face(builder *b, const char *p, size_t line) {
 }
 
 void read_obj(builder *b, const char *text) {
+    b->first_number = 1;
     statement s = {.text = NULL};
     size_t line = 1;
     for (const char *p = text; *p != '\0';) {

@@ -256,10 +256,10 @@ static surface_point *refined_points(const mesh *base, uint32_t levels, mesh *re
     return point;
 }
 
-/* Every vertex through the one-to-one map, then evened out along the surface; base vertices stay.
- */
-static mesh draw_levels(const simplified *s, const mesh *original, const bvh *surface,
-                        uint32_t levels, int relax_steps) {
+/* Every vertex through the one-to-one map from the triangles of `original`, whose tree is `facing`;
+ * then evened out along the surface; base vertices stay. */
+static mesh draw_levels(const simplified *s, const mesh *original, const bvh *facing,
+                        const bvh *surface, uint32_t levels, int relax_steps) {
     mesh m;
     surface_point *point = refined_points(&s->base, levels, &m);
     simplified_map(s, point, m.vertices);
@@ -270,7 +270,7 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *su
             m.x[v][k] = 0;
             for (int c = 0; c < 3; c++) m.x[v][k] += point[v].weight[c] * original->x[t[c]][k];
         }
-        memcpy(f.facing[v], bvh_facing(surface, point[v].triangle), sizeof f.facing[v]);
+        memcpy(f.facing[v], bvh_facing(facing, point[v].triangle), sizeof f.facing[v]);
     }
     free(point);
     mesh_rings(&m, &f.offset, &f.ring);
@@ -429,6 +429,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
         uint32_t target = base_triangles > 0 ? base_triangles : targets[i];
         mesh dense = split_longest(in, target);
+        bvh *facing = bvh_build(&dense);
         simplified s = simplify(&dense, target);
         uint32_t crossing = self_intersection(&s.base);
         if (crossing != UINT32_MAX) cut = crossing;
@@ -436,7 +437,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         /* Evened out first; as the map gave it where that rounds off sharp edges. */
         for (int relaxed = 1; relaxed >= 0 && crossing == UINT32_MAX && !good_enough(&best_report);
              relaxed--) {
-            mesh m = draw_levels(&s, &dense, surface, levels, relaxed * RELAX_STEPS);
+            mesh m = draw_levels(&s, &dense, facing, surface, levels, relaxed * RELAX_STEPS);
             measure(&m, in, surface, &r);
             if (best.x == NULL || better(&r, &best_report)) {
                 mesh_free(&best);
@@ -447,6 +448,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
             }
         }
         simplified_free(&s);
+        bvh_free(facing);
         mesh_free(&dense);
     }
     bvh_free(surface);
