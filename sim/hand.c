@@ -6,6 +6,7 @@
 #include <string.h>
 
 #define TREMOR_M 6e-5
+#define WAIT_S 60.0 /* a script that begins later was hardly meant to */
 
 /* z = 0 is where the tool just touches; +z points away from the body. */
 static const char touch_script[] = "0.0  0      0      0.020\n"
@@ -55,6 +56,11 @@ hand hand_load(const char *name_or_path) {
         p = next;
     }
     if (h.count == 0) die(EXIT_USAGE, "%s: no keys in the hand script", name_or_path);
+    double wait_s = h.key[0].time_s;
+    if (wait_s > WAIT_S)
+        warn("%s: the hand stays where it is for %g s, up to its first key: times are seconds from "
+             "the start (subtract %.17g)",
+             name_or_path, wait_s, wait_s);
     free(text);
     return h;
 }

@@ -96,6 +96,9 @@ refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --devic
 refuses 2 "not a free one of" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
 echo "0 0 0" >hand.txt
 refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
+printf '1700000000.5 0 0 0.02\n1700000001 0 0 -0.004\n' >hand.txt
+$palpd good.palp --bus loop --device arm3 --hand hand.txt --seconds 0.2 >/dev/null 2>err.txt && grep -q "for 1.7e+09 s, up to its first key" err.txt
+ok $? "palpd: a hand script with the time of day is warned of"
 sed 's/^mass.*/mass -1/' "$here/sim/devices/arm3.dev" >bad.dev
 refuses 2 "out of range" "palpd: bad device file" $palpd good.palp --bus loop --device bad.dev
 sed '/^mass/d' "$here/sim/devices/arm3.dev" >bad.dev

@@ -62,11 +62,35 @@ bad 2 "nothing.mesh" "a missing file" "young 1e4|poisson 0.4|tets-from nothing.m
 echo "MeshVersionFormatted 2 Dimension 3 Vertices 1 0 0 zero" > bad.mesh
 bad 2 "'zero' is not a number" "a bad number" "young 1e4|poisson 0.4|tets-from bad.mesh"
 echo "MeshVersionFormatted 2 Dimension 3 Vertices 4 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 0 Tetrahedra 1 1 2 3 9 0" > bad.mesh
-bad 2 "9 is not a whole number from 0 to 4" "a corner that is not there" "young 1e4|poisson 0.4|tets-from bad.mesh"
+bad 2 "bad.mesh:1: vertex 9 is not one of 1 to 4" "a corner that is not there" "young 1e4|poisson 0.4|tets-from bad.mesh"
 echo "MeshVersionFormatted 2 Dimension 3 Vertices 4 0 0 0 0 1 0 0 0 0 1 0 0 1 1 0 0 Tetrahedra 1 1 2 3 4 0" > bad.mesh
 bad 1 "tetrahedron 0 has no volume" "a flat tetrahedron" "young 1e4|poisson 0.4|tets-from bad.mesh"
 echo "MeshVersionFormatted 2 Dimension 3" > bad.mesh
-bad 1 "holds no tetrahedra" "an empty mesh" "young 1e4|poisson 0.4|tets-from bad.mesh"
+bad 1 "holds no section Tetrahedra" "an empty mesh" "young 1e4|poisson 0.4|tets-from bad.mesh"
+echo "MeshVersionFormatted 2 Dimension 2" > bad.mesh
+bad 2 "dimension 2" "a mesh in the plane" "young 1e4|poisson 0.4|tets-from bad.mesh"
+{ sed '/^End/d' bar-0.mesh; echo "Hexahedra 1 1 2 3 4 5 6 7 8 0"; } > bad.mesh
+bad 2 "1 Hexahedra: cut them into tetrahedra" "elements of another shape" "young 1e4|poisson 0.4|tets-from bad.mesh"
+{ sed '/^End/d' bar-0.mesh; sed -n '/^Vertices/,/^Tetra/{/^Tetra/!p}' bar-0.mesh; } > bad.mesh
+bad 2 "a second section 'Vertices'" "vertices twice" "young 1e4|poisson 0.4|tets-from bad.mesh"
+# one mesh as programs write it: only the hash of the source and the two checksums differ
+{ sed '/^Vertices/,$d' bar-0.mesh; sed -n '/^Tetra/,/^End/{/^End/!p}' bar-0.mesh; sed -n '/^Vertices/,/^Tetra/{/^Tetra/!p}' bar-0.mesh; } > turned.mesh
+sed '/^Vertices/i\
+Corners\
+2\
+1\
+2\
+Hexahedra 0\
+NormalAtVertices 1 1 1
+s/^End/Ridges 1\nSubDomainFromMesh 1 3 1 1 0\nRequiredVertices 2 1 2\nNormals 1 0.5 -1e-3 1\nEnd/' bar-0.mesh > more.mesh
+sed 's/^[VTE].*/\L&/; /^end/d; s/$/\r/' bar-0.mesh > lower.mesh
+lines plain.model "young 1e4|poisson 0.4|fix-below x 1e-6|tets-from bar-0.mesh"
+"$palp" bake plain.model -o plain.palp > /dev/null 2>&1
+for mesh in turned more lower; do
+    sed "s/bar-0/$mesh/" plain.model > quirk.model
+    "$palp" bake quirk.model -o quirk.palp > /dev/null 2> err.txt && [ "$(wc -c < plain.palp)" -eq "$(wc -c < quirk.palp)" ] && [ "$(cmp -l plain.palp quirk.palp | wc -l)" -le 40 ]
+    ok $? "$mesh.mesh: the same body $(head -c 200 err.txt)"
+done
 refuses 2 "no resolution" "fill without a number" "$palp" fill bar.obj -o out.mesh
 head -n -2 bar.obj > open.obj
 "$palp" fill open.obj --nodes 100 -o fill.mesh > /dev/null 2> err.txt && grep -q "1 hole(s) closed" err.txt

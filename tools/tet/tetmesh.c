@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #define DEGREES 57.29577951308232
 
@@ -209,7 +210,8 @@ typedef struct {
     const char *path;
     char *cursor;
     size_t line;
-    char *word; /* what is left of the line under way */
+    char *word;      /* what is left of the line under way */
+    size_t *line_of; /* of each tetrahedron */
 } medit;
 
 /* The next word of the file, NULL at its end. */
@@ -243,23 +245,44 @@ static uint32_t next_count(medit *r, double most) {
     return (uint32_t)value;
 }
 
+static void read_vertices(medit *r, tetmesh *m) {
+    m->nodes = next_count(r, 4e6);
+    m->x = allocate((size_t)m->nodes + 1, sizeof *m->x);
+    for (uint32_t i = 0; i < m->nodes; i++) {
+        for (int k = 0; k < 3; k++) m->x[i][k] = next_number(r);
+        (void)next_number(r); /* its reference */
+    }
+}
+
+/* The corners as the file has them: the vertices may stand behind. */
 static void read_corners(medit *r, tetmesh *m) {
     m->tets = next_count(r, 4e6);
     m->t = allocate((size_t)m->tets + 1, sizeof *m->t);
+    r->line_of = allocate((size_t)m->tets + 1, sizeof *r->line_of);
     for (uint32_t i = 0; i < m->tets; i++) {
+        for (int k = 0; k < 4; k++) m->t[i][k] = next_count(r, 4e6);
+        (void)next_number(r); /* its reference */
+        r->line_of[i] = r->line;
+    }
+}
+
+static void check_corners(const medit *r, tetmesh *m) {
+    for (uint32_t i = 0; i < m->tets; i++) {
+        uint32_t *t = m->t[i];
         for (int k = 0; k < 4; k++) {
-            uint32_t node = next_count(r, m->nodes);
-            if (node == 0) die(EXIT_USAGE, "%s:%zu: vertices are counted from 1", r->path, r->line);
-            m->t[i][k] = node - 1;
+            if (t[k] == 0 || t[k] > m->nodes)
+                die(EXIT_USAGE, "%s:%zu: vertex %" PRIu32 " is not one of 1 to %" PRIu32, r->path,
+                    r->line_of[i], t[k], m->nodes);
+            t[k]--;
         }
-        (void)next_number(r);
         double volume = tet_volume(m, i);
         if (volume < 0) {
-            uint32_t swap = m->t[i][2];
-            m->t[i][2] = m->t[i][3];
-            m->t[i][3] = swap;
+            uint32_t swap = t[2];
+            t[2] = t[3];
+            t[3] = swap;
         } else if (!(volume > 0)) {
-            die(EXIT_WORK, "%s:%zu: tetrahedron %" PRIu32 " has no volume", r->path, r->line, i);
+            die(EXIT_WORK, "%s:%zu: tetrahedron %" PRIu32 " has no volume", r->path, r->line_of[i],
+                i);
         }
     }
 }
@@ -277,35 +300,43 @@ static void drop_unused(tetmesh *m) {
     free(place);
 }
 
+/* Sections that say nothing about the body (Corners, Ridges, Normals, ...) are passed over, word by
+ * word; elements of other shapes would leave a hole in it. */
+static void read_section(medit *r, const char *name, tetmesh *m) {
+    static const char *const solids[] = {"Hexahedra", "Prisms", "Pyramids"};
+    bool vertices = strcasecmp(name, "Vertices") == 0;
+    bool tetrahedra = strcasecmp(name, "Tetrahedra") == 0;
+    if ((vertices && m->x != NULL) || (tetrahedra && m->t != NULL))
+        die(EXIT_USAGE, "%s:%zu: a second section '%s'", r->path, r->line, name);
+    if (vertices) read_vertices(r, m);
+    if (tetrahedra) read_corners(r, m);
+    if (strcasecmp(name, "Dimension") == 0) {
+        uint32_t dimension = next_count(r, 100);
+        if (dimension != 3)
+            die(EXIT_USAGE, "%s:%zu: a mesh of dimension %" PRIu32 ": palp reads dimension 3",
+                r->path, r->line, dimension);
+    }
+    for (size_t i = 0; i < sizeof solids / sizeof *solids; i++) {
+        uint32_t count = strcasecmp(name, solids[i]) == 0 ? next_count(r, 4e6) : 0;
+        if (count > 0)
+            die(EXIT_USAGE, "%s:%zu: %" PRIu32 " %s: cut them into tetrahedra first", r->path,
+                r->line, count, solids[i]);
+    }
+}
+
 tetmesh tetmesh_load(const char *path) {
     size_t bytes;
     char *text = read_file(path, &bytes), *word;
     medit r = {.path = path, .cursor = text};
     tetmesh m = {.nodes = 0};
-    while ((word = next_word(&r)) != NULL && strcmp(word, "End") != 0) {
-        if (strcmp(word, "MeshVersionFormatted") == 0 || strcmp(word, "Dimension") == 0) {
-            (void)next_number(&r);
-        } else if (strcmp(word, "Vertices") == 0 && m.x == NULL) {
-            m.nodes = next_count(&r, 4e6);
-            m.x = allocate((size_t)m.nodes + 1, sizeof *m.x);
-            for (uint32_t i = 0; i < 4 * m.nodes; i++) {
-                double value = next_number(&r);
-                if (i % 4 < 3) m.x[i / 4][i % 4] = value;
-            }
-        } else if (strcmp(word, "Tetrahedra") == 0 && m.x != NULL && m.t == NULL) {
-            read_corners(&r, &m);
-        } else if (strcmp(word, "Triangles") == 0 || strcmp(word, "Edges") == 0) {
-            uint32_t count = next_count(&r, 4e6), wide = strcmp(word, "Edges") == 0 ? 3 : 4;
-            for (uint32_t i = 0; i < wide * count; i++) (void)next_number(&r);
-        } else {
-            die(EXIT_USAGE,
-                "%s:%zu: '%s' is not read here: Vertices, Tetrahedra, Triangles and "
-                "Edges are",
-                path, r.line, word);
-        }
+    double number;
+    while ((word = next_word(&r)) != NULL && strcasecmp(word, "End") != 0) {
+        if (!parse_double(word, &number)) read_section(&r, word, &m);
     }
-    if (m.tets == 0) die(EXIT_WORK, "%s: holds no tetrahedra", path);
+    if (m.tets == 0) die(EXIT_WORK, "%s: holds no section Tetrahedra", path);
+    check_corners(&r, &m);
     drop_unused(&m);
+    free(r.line_of);
     free(text);
     return m;
 }
