@@ -13,6 +13,16 @@ static const option *find_option(const option *table, const char *name) {
     return NULL;
 }
 
+/* How many of the words behind an option are its values. */
+static int values_behind(const option *o, int words, char **word) {
+    int most = abs(o->values), count = 0;
+    while (count < most && count < words && (o->values > 0 || word[count][0] != '-')) count++;
+    if (count < (o->values < 0 ? 1 : most)) {
+        die(EXIT_USAGE, "%s needs %s%d value(s)", o->name, o->values < 0 ? "1 to " : "", most);
+    }
+    return count;
+}
+
 void args_parse(int argc, char **argv, const option *table, const char *help,
                 argument_handler handle, void *context) {
     for (int i = 1; i < argc; i++) {
@@ -32,11 +42,10 @@ void args_parse(int argc, char **argv, const option *table, const char *help,
         }
         const option *o = find_option(table, argv[i]);
         if (o == NULL) die(EXIT_USAGE, "unknown option %s (--help lists the options)", argv[i]);
-        if (i + o->values >= argc) die(EXIT_USAGE, "%s needs %d value(s)", o->name, o->values);
         a.option = o->name;
-        a.count = o->values;
-        for (int k = 0; k < o->values; k++) a.value[k] = argv[i + 1 + k];
-        i += o->values;
+        a.count = values_behind(o, argc - i - 1, argv + i + 1);
+        for (int k = 0; k < a.count; k++) a.value[k] = argv[i + 1 + k];
+        i += a.count;
         handle(context, &a);
     }
 }
@@ -58,7 +67,7 @@ static void parse_line(const char *path, size_t number, char *line, const option
     if (o == NULL) die(EXIT_USAGE, "%s:%zu: unknown key '%s'", path, number, word[0]);
     int count = words - 1, most = abs(o->values);
     if (count > most || count < (o->values < 0 ? 1 : most))
-        die(EXIT_USAGE, "%s needs %d value(s)", where, most);
+        die(EXIT_USAGE, "%s needs %s%d value(s)", where, o->values < 0 ? "1 to " : "", most);
     argument a = {.option = o->name, .where = copy_string(where), .count = count};
     for (int k = 0; k < count; k++) a.value[k] = copy_string(word[k + 1]);
     handle(context, &a);

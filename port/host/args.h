@@ -9,7 +9,7 @@
 
 typedef struct {
     const char *name; /* "--young" */
-    int values;       /* how many words follow; -n: in key files, from 1 to n */
+    int values;       /* how many words follow; -n: from 1 to n, up to the next option */
 } option;
 
 /* What each word was: option is NULL for a positional word, which is then value[0]. */

@@ -96,6 +96,13 @@ refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --devic
 refuses 2 "not a free one of" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
 echo "0 0 0" >hand.txt
 refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
+awk '/^v/ {$2 += 30000} {print}' OFMT=%.12g CONVFMT=%.12g "$here/blobs/ball.obj" >far.obj
+refuses 1 "far from the origin: the body is 3.46 m large and lies 3e+04 m away" "a body far from the origin" $palp bake far.obj --as-is -o far.palp --young 2e4 --poisson 0.45 --fix-below z -0.02
+refuses 1 "far from the origin" "the same, filled" $palp bake far.obj -o far.palp --tets 100 --young 2e4 --poisson 0.45 --fix-below z -0.02
+refuses 2 "needs 1 to 5 value(s)" "--tets without a number" $palp bake "$here/blobs/ball.obj" -o out.palp --tets --young 2e4 --poisson 0.45 --fix-below z -0.02
+awk '/^v/ {$2 += 3000} {print}' OFMT=%.12g CONVFMT=%.12g "$here/blobs/ball.obj" >far.obj
+$palp bake far.obj --as-is -o far.palp --young 2e4 --poisson 0.45 --fix-below z -0.02 >/dev/null 2>err.txt && [ "$(grep -c 'm from the origin: single precision moves' err.txt)" -eq 1 ]
+ok $? "a body at some distance: $(grep origin err.txt)"
 printf '1700000000.5 0 0 0.02\n1700000001 0 0 -0.004\n' >hand.txt
 $palpd good.palp --bus loop --device arm3 --hand hand.txt --seconds 0.2 >/dev/null 2>err.txt && grep -q "for 1.7e+09 s, up to its first key" err.txt
 ok $? "palpd: a hand script with the time of day is warned of"

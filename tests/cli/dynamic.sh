@@ -13,6 +13,8 @@ ok $? "three resolutions are baked: $(grep '^level 2' bake.txt)"
 ok $? "dihedral angles within isosurface stuffing's bounds"
 "$palp" bake bar.model -o again.palp --threads 1 > /dev/null 2>&1 && cmp -s bar.palp again.palp
 ok $? "baking twice, on any number of threads, gives the same bytes"
+"$palp" bake bar.obj -o again.palp --tets 120 400 1500 --young 1e4 --poisson 0.4 --fix-below x 1e-6 --damping 2e-4 --drag 4 > /dev/null 2>&1 && cmp -s bar.palp again.palp
+ok $? "the same from the command line"
 lines from.model "young 1e4|poisson 0.4|fix-below x 1e-6|damping 2e-4|drag 4|tets-from bar-0.mesh bar-1.mesh bar-2.mesh"
 "$palp" bake from.model -o from.palp > from.txt 2>/dev/null && [ "$("$palp" info from.palp | grep -c '^level')" -eq 3 ]
 ok $? "the same from files"

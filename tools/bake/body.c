@@ -191,6 +191,7 @@ uint8_t *body_fixed(const body_spec *s, const mesh *m) {
 
 mesh body_mesh(const body_spec *s) {
     mesh m = mesh_load(s->mesh_path);
+    require_near_origin(m.x, m.vertices, s->mesh_path);
     if (!s->as_is) {
         mesh r = remesh(&m, s->mesh_path, s->levels, 0, NULL);
         mesh_free(&m);

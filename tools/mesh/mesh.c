@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/mesh.h"
 #include "port/host/util.h"
+#include <float.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
@@ -366,17 +367,36 @@ double mesh_volume(const mesh *m) {
     return sum / 6;
 }
 
-double mesh_diagonal(const mesh *m) {
+static double diagonal_of(double (*x)[3], uint32_t count) {
     double lo[3], hi[3];
-    memcpy(lo, m->x[0], sizeof lo);
-    memcpy(hi, m->x[0], sizeof hi);
-    for (uint32_t i = 1; i < m->vertices; i++) {
+    memcpy(lo, x[0], sizeof lo);
+    memcpy(hi, x[0], sizeof hi);
+    for (uint32_t i = 1; i < count; i++) {
         for (int k = 0; k < 3; k++) {
-            lo[k] = fmin(lo[k], m->x[i][k]);
-            hi[k] = fmax(hi[k], m->x[i][k]);
+            lo[k] = fmin(lo[k], x[i][k]);
+            hi[k] = fmax(hi[k], x[i][k]);
         }
     }
     return v_distance(lo, hi);
+}
+
+double mesh_diagonal(const mesh *m) { return diagonal_of(m->x, m->vertices); }
+
+void require_near_origin(double (*x)[3], uint32_t count, const char *path) {
+    if (count == 0) return;
+    double farthest = 0, extent = diagonal_of(x, count);
+    for (uint32_t i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) farthest = fmax(farthest, fabs(x[i][k]));
+    double rounding = farthest * (double)FLT_EPSILON / 2;
+    if (rounding > 1e-4 * extent)
+        die(EXIT_WORK,
+            "%s: far from the origin: the body is %.3g m large and lies %.3g m away, where single "
+            "precision moves its vertices by up to %.2g m: move it to the origin",
+            path, extent, farthest, rounding);
+    if (rounding > 1e-5 * extent)
+        warn("%s: the body is %.3g m large and lies %.3g m from the origin: single precision moves "
+             "its vertices by up to %.2g m",
+             path, extent, farthest, rounding);
 }
 
 double mesh_mean_edge(const mesh *m) {

@@ -61,6 +61,12 @@ mesh_edge *mesh_edges(const mesh *m, uint32_t *count);
 /* Neighbours of each vertex: ring[offset[i]..offset[i+1]), ascending. */
 void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring);
 
+/*
+ * A blob holds places in single precision, from the origin of the file: the error says so where
+ * their rounding is more than 1e-4 of the points' extent, and a warning above 1e-5.
+ */
+void require_near_origin(double (*x)[3], uint32_t count, const char *path);
+
 double mesh_volume(const mesh *m);
 double mesh_diagonal(const mesh *m);
 double mesh_mean_edge(const mesh *m);

@@ -349,6 +349,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     bvh *on = NULL;
     if (t->from[0] == NULL) {
         surface = body->as_is ? body_mesh(body) : mesh_load(source);
+        if (!body->as_is) require_near_origin(surface.x, surface.vertices, source);
         (void)mesh_drop_unused(&surface);
         uint32_t filled = mesh_fill_holes(&surface, 1);
         if (filled > 0) fprintf(f, "holes                 %" PRIu32 " closed\n", filled);
@@ -360,6 +361,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
         double pitch, dropped = 0;
         level[l] = on != NULL ? stuff_level(&surface, on, t->nodes[l], l, &pitch, &dropped)
                               : tetmesh_load(t->from[l]);
+        if (on == NULL) require_near_origin(level[l].x, level[l].nodes, t->from[l]);
         if (dropped > 1e-3)
             warn("level %" PRIu32
                  ": %.1f %% of the volume hangs on by less than one element and is "
