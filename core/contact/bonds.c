@@ -16,8 +16,8 @@ static void feel(palp_contact *c, uint32_t level, uint32_t zone, const palp_surf
     const palp_blob *b = &c->assembly->zones->blob[zone];
     const uint32_t *corner = b->triangle + 3u * (size_t)at->triangle;
     for (uint32_t k = 0; k < 3u; k++)
-        palp_assembly_modal_load(c->assembly, level, zone, corner[k], at->weight[k], force,
-                                 c->felt);
+        palp_assembly_modal_load(c->assembly, level, zone, corner[k],
+                                 palp_scale(at->weight[k], force), c->felt);
     c->work_done += 27u * (uint64_t)palp_assembly_modes(c->assembly, zone);
 }
 
@@ -41,8 +41,8 @@ void palp_contact_bond(palp_contact *c) {
         const palp_zone_part *part = &a->zones->part[zone];
         clear(c->felt, 3u * a->zones->zone[zone].modes);
         feel(c, f->level, zone, palp_contact_side(c, s), palp_contact_column(c, COL_M, s));
-        palp_seams_load_among(q, a->configuration, f->level, zone, c->felt, c->seam + s, stride);
-        palp_seams_load_among(q, NULL, f->level, zone, c->felt, rest + s, stride);
+        palp_seams_load_among(q, a->configuration, zone, c->felt, c->seam + s, stride);
+        palp_seams_load_among(q, NULL, zone, c->felt, rest + s, stride);
         for (uint32_t k = 0; k < part->seams; k++) touched |= 1ull << part->seam[k];
         c->work_done += 30u * (uint64_t)palp_assembly_modes(a, zone);
     }

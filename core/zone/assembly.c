@@ -207,15 +207,18 @@ float palp_assembly_modes(const palp_assembly *a, uint32_t zone) {
     return modes;
 }
 
+static palp_seam_place seam_place(uint32_t on_seam) {
+    return (palp_seam_place){.seam = on_seam >> 24u, .node = on_seam & 0xffffffu};
+}
+
 void palp_assembly_modal_load(const palp_assembly *assembly, uint32_t level, uint32_t zone,
-                              uint32_t node, float weight, palp_vec3 d, float *felt) {
+                              uint32_t node, palp_vec3 f, float *felt) {
     const palp_zones *z = assembly->zones;
     const uint32_t at = assembly->node[zone][node].on_seam;
     if (!palp_node_is_fixed(&z->blob[zone], node))
-        palp_zone_modal_load(z, level, zone, node, weight, d, felt);
+        palp_zone_modal_load(z, level, zone, node, f, felt);
     else if (at != PALP_NONE)
-        palp_zone_modal_load_at_seam(z, level, zone, at >> 24u, at & 0xffffffu,
-                                     palp_scale(weight, d), felt);
+        palp_zone_modal_load_at_seam(z, level, zone, seam_place(at), f, felt);
 }
 
 palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32_t level,
@@ -225,7 +228,7 @@ palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32
     if (!palp_node_is_fixed(&z->blob[zone], node))
         return palp_zone_modal_displacement(z, level, zone, node, u);
     if (at == PALP_NONE) return (palp_vec3){0.0f, 0.0f, 0.0f};
-    return palp_zone_modal_displacement_at_seam(z, level, zone, at >> 24u, at & 0xffffffu, u);
+    return palp_zone_modal_displacement_at_seam(z, level, zone, seam_place(at), u);
 }
 
 palp_vec3 palp_assembly_bent(palp_assembly *a, uint32_t zone, uint32_t node) {

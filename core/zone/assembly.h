@@ -97,7 +97,7 @@ palp_vec3 palp_assembly_bent(palp_assembly *assembly, uint32_t zone, uint32_t no
 /* palp_zone_modal_load and palp_zone_modal_displacement; where a node is on a seam is known here.
  */
 void palp_assembly_modal_load(const palp_assembly *assembly, uint32_t level, uint32_t zone,
-                              uint32_t node, float weight, palp_vec3 d, float *felt);
+                              uint32_t node, palp_vec3 f, float *felt);
 palp_vec3 palp_assembly_modal_displacement(const palp_assembly *assembly, uint32_t level,
                                            uint32_t zone, uint32_t node, const float *u);
 

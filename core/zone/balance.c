@@ -132,17 +132,15 @@ void palp_seams_gravity(palp_seams *q, const palp_configuration *configuration, 
     }
 }
 
-/* Where a node of a zone is on its seams: its seam, counted among the zone's own, and its place
- * there; false for bones. */
-static bool find_on_seam(const palp_zones *zones, uint32_t zone, uint32_t node, uint32_t *k,
-                         uint32_t *i) {
+/* False where a node is on no seam of its zone. */
+static bool find_on_seam(const palp_zones *zones, uint32_t zone, uint32_t node,
+                         palp_seam_place *place) {
     const palp_zone_part *part = &zones->part[zone];
     for (uint32_t n = 0; n < part->seams; n++) {
         const uint32_t s = part->seam[n], side = palp_zone_is_second(zones, s, zone) ? 1u : 0u;
         for (uint32_t m = 0; m < zones->seam[s].nodes; m++) {
             if (zones->seam_node[s][2u * m + side] != node) continue;
-            *k = n;
-            *i = m;
+            *place = (palp_seam_place){.seam = n, .node = m};
             return true;
         }
     }
@@ -150,10 +148,9 @@ static bool find_on_seam(const palp_zones *zones, uint32_t zone, uint32_t node, 
 }
 
 void palp_zone_modal_load(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                          float weight, palp_vec3 d, float *felt) {
+                          palp_vec3 f, float *felt) {
     const palp_zone_part *part = &zones->part[zone];
     const palp_blob *b = &zones->blob[zone];
-    const palp_vec3 f = palp_scale(weight, d);
     if (!palp_node_is_fixed(b, node)) { /* Betti: G_SF = -G_FS^T */
         const float *response =
             part->response + 9u * (size_t)palp_node_slot(b, node) * zones->zone[zone].modes;
@@ -164,18 +161,19 @@ void palp_zone_modal_load(const palp_zones *zones, uint32_t level, uint32_t zone
         }
         return;
     }
-    uint32_t k, n;
-    if (find_on_seam(zones, zone, node, &k, &n))
-        palp_zone_modal_load_at_seam(zones, level, zone, k, n, f, felt);
+    palp_seam_place place;
+    if (find_on_seam(zones, zone, node, &place))
+        palp_zone_modal_load_at_seam(zones, level, zone, place, f, felt);
 }
 
 void palp_zone_modal_load_at_seam(const palp_zones *zones, uint32_t level, uint32_t zone,
-                                  uint32_t k, uint32_t i, palp_vec3 f, float *felt) {
+                                  palp_seam_place place, palp_vec3 f, float *felt) {
     const palp_zone_part *part = &zones->part[zone];
-    const palp_seam_entry *e = &zones->seam[part->seam[k]];
-    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
+    const palp_seam_entry *e = &zones->seam[part->seam[place.seam]];
+    const float *mode = zones->seam_mode[part->seam[place.seam]] + (size_t)place.node * e->modes;
+    const uint32_t first = part->first[place.seam];
     for (uint32_t m = 0; m < e->level_modes[level]; m++)
-        put(felt, part->first[k] + m, palp_madd(at(felt, part->first[k] + m), mode[m], f));
+        put(felt, first + m, palp_madd(at(felt, first + m), mode[m], f));
 }
 
 void palp_seams_load(const palp_seams *seams, const palp_configuration *configuration,
@@ -185,10 +183,9 @@ void palp_seams_load(const palp_seams *seams, const palp_configuration *configur
 }
 
 void palp_seams_load_among(const palp_seams *seams, const palp_configuration *configuration,
-                           uint32_t level, uint32_t zone, const float *felt, float *r,
-                           size_t stride) {
-    gather_among(seams, configuration != NULL ? configuration->relative : NULL, level, zone, 1.0f,
-                 felt, r, stride);
+                           uint32_t zone, const float *felt, float *r, size_t stride) {
+    gather_among(seams, configuration != NULL ? configuration->relative : NULL,
+                 palp_seams_factor(seams)->level, zone, 1.0f, felt, r, stride);
 }
 
 void palp_seams_zone(const palp_seams *seams, const palp_configuration *configuration,
@@ -207,9 +204,9 @@ palp_vec3 palp_zone_modal_displacement(const palp_zones *zones, uint32_t level, 
     const palp_blob *b = &zones->blob[zone];
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
     if (palp_node_is_fixed(b, node)) {
-        uint32_t k, n;
-        return find_on_seam(zones, zone, node, &k, &n)
-                   ? palp_zone_modal_displacement_at_seam(zones, level, zone, k, n, u)
+        palp_seam_place place;
+        return find_on_seam(zones, zone, node, &place)
+                   ? palp_zone_modal_displacement_at_seam(zones, level, zone, place, u)
                    : sum;
     }
     const float *response =
@@ -223,14 +220,14 @@ palp_vec3 palp_zone_modal_displacement(const palp_zones *zones, uint32_t level, 
 }
 
 palp_vec3 palp_zone_modal_displacement_at_seam(const palp_zones *zones, uint32_t level,
-                                               uint32_t zone, uint32_t k, uint32_t i,
+                                               uint32_t zone, palp_seam_place place,
                                                const float *u) {
     const palp_zone_part *part = &zones->part[zone];
-    const palp_seam_entry *e = &zones->seam[part->seam[k]];
-    const float *mode = zones->seam_mode[part->seam[k]] + (size_t)i * e->modes;
+    const palp_seam_entry *e = &zones->seam[part->seam[place.seam]];
+    const float *mode = zones->seam_mode[part->seam[place.seam]] + (size_t)place.node * e->modes;
     palp_vec3 sum = {0.0f, 0.0f, 0.0f};
     for (uint32_t m = 0; m < e->level_modes[level]; m++)
-        sum = palp_madd(sum, mode[m], at(u, part->first[k] + m));
+        sum = palp_madd(sum, mode[m], at(u, part->first[place.seam] + m));
     return sum;
 }
 

@@ -121,26 +121,31 @@ void palp_seams_mismatch(palp_seams *seams, const palp_configuration *configurat
 void palp_seams_gravity(palp_seams *seams, const palp_configuration *configuration, uint32_t level,
                         palp_vec3 acceleration_m_s2, float *r);
 
+/* Where a zone's node is on a seam: the node-th of the zone's seam-th seam. */
+typedef struct {
+    uint32_t seam, node;
+} palp_seam_place;
+
 /*
- * What a zone's seams feel of a unit push along `d` (zone's frame) at one of its nodes, added to
- * felt[M][3] in the modes of `level`: weight H^T d of a free node, weight q d of one on a seam,
- * nothing of a bone. Cost: 9 a mode.
+ * What a zone's seams feel of a force f (N, zone's frame) at one of its nodes, added to felt[M][3]
+ * in the modes of `level`: H^T f of a free node, q f of one on a seam, nothing of a bone. Cost: 9 a
+ * mode.
  */
 void palp_zone_modal_load(const palp_zones *zones, uint32_t level, uint32_t zone, uint32_t node,
-                          float weight, palp_vec3 d, float *felt);
-/* The same of a force f at the i-th node of the zone's k-th seam, where that is known: the others
- * look through all nodes of its seams for it. */
+                          palp_vec3 f, float *felt);
+/* The same of a node whose place on a seam is known: the function above searches all nodes of the
+ * zone's seams for it. */
 void palp_zone_modal_load_at_seam(const palp_zones *zones, uint32_t level, uint32_t zone,
-                                  uint32_t k, uint32_t i, palp_vec3 f, float *felt);
+                                  palp_seam_place place, palp_vec3 f, float *felt);
 
 /* r += T of what a zone's seams feel, on `level`. With configuration NULL: in the rest
  * configuration. */
 void palp_seams_load(const palp_seams *seams, const palp_configuration *configuration,
                      uint32_t level, uint32_t zone, const float *felt, float *r);
-/* The same into one of several vectors side by side: r[i stride]. */
+/* The same on the level of the factor in use, into one of several vectors side by side: r[i
+ * stride]. */
 void palp_seams_load_among(const palp_seams *seams, const palp_configuration *configuration,
-                           uint32_t level, uint32_t zone, const float *felt, float *r,
-                           size_t stride);
+                           uint32_t zone, const float *felt, float *r, size_t stride);
 
 /* x := A^-1 x, with the factor in use. */
 void palp_seams_solve(palp_seams *seams, float *x);
@@ -187,7 +192,7 @@ void palp_seams_reaction(palp_seams *seams, const palp_configuration *configurat
 palp_vec3 palp_zone_modal_displacement(const palp_zones *zones, uint32_t level, uint32_t zone,
                                        uint32_t node, const float *u);
 palp_vec3 palp_zone_modal_displacement_at_seam(const palp_zones *zones, uint32_t level,
-                                               uint32_t zone, uint32_t k, uint32_t i,
+                                               uint32_t zone, palp_seam_place place,
                                                const float *u);
 
 /* Elastic energy of the seams' displacements, sum u^T K u / 2 (J). */

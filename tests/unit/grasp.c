@@ -60,7 +60,7 @@ static double response(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3
     float *felt = allocate(3 * (size_t)z->zone[loaded_zone].modes, sizeof *felt);
     float *w = allocate(3 * (size_t)a->seams.modes, sizeof *w);
     palp_assembly_unload(a);
-    palp_zone_modal_load(z, FINEST, loaded_zone, loaded, 1.0f, e, felt);
+    palp_zone_modal_load(z, FINEST, loaded_zone, loaded, e, felt);
     palp_assembly_load(a, loaded_zone, felt);
     const float *total = palp_assembly_total(a);
     for (uint32_t i = 0; i < 3 * a->seams.modes; i++) w[i] = total[i] - a->w[i];

@@ -218,7 +218,7 @@ static uint32_t some_free_node(const palp_blob *b, uint32_t seed) {
 /* A force (zone's frame) at one node. */
 static void load_node(palp_assembly *a, uint32_t zone, uint32_t node, palp_vec3 force_N) {
     float *felt = allocate(3 * (size_t)a->zones->zone[zone].modes + 1, sizeof *felt);
-    palp_zone_modal_load(a->zones, PALP_SEAM_LEVELS - 1, zone, node, 1.0f, force_N, felt);
+    palp_zone_modal_load(a->zones, PALP_SEAM_LEVELS - 1, zone, node, force_N, felt);
     palp_assembly_load(a, zone, felt);
     free(felt);
 }

@@ -216,7 +216,7 @@ static void seam_loads(problem *p, bool bent, float *r) {
         for (uint32_t n = 0; n < p->z->blob[i].meta->nodes; n++) {
             palp_vec3 force = palp_vec3_at(p->load[i] + 3 * (size_t)n);
             if (palp_dot(force, force) > 0.0f)
-                palp_zone_modal_load(p->z, PALP_SEAM_LEVELS - 1, i, n, 1.0f, force, felt);
+                palp_zone_modal_load(p->z, PALP_SEAM_LEVELS - 1, i, n, force, felt);
         }
         palp_seams_load(p->q, &p->configuration, p->level, i, felt, r);
         free(felt);
