@@ -96,6 +96,8 @@ refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --devic
 refuses 2 "not a free one of" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
 echo "0 0 0" >hand.txt
 refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
+printf "\\223NUMPY\\2\\0\\364\\377\\377\\377{'descr': '<f8', 'fortran_order': False, 'shape': (8, 8), }\\n" >wrap.npy
+refuses 1 "the .npy header says 4294967284 bytes" "a .npy header longer than its file" $bake $held --compliance wrap.npy
 awk '/^v/ {$2 += 30000} {print}' OFMT=%.12g CONVFMT=%.12g "$here/blobs/ball.obj" >far.obj
 refuses 1 "far from the origin: the body is 3.46 m large and lies 3e+04 m away" "a body far from the origin" $palp bake far.obj --as-is -o far.palp --young 2e4 --poisson 0.45 --fix-below z -0.02
 refuses 1 "far from the origin" "the same, filled" $palp bake far.obj -o far.palp --tets 100 --young 2e4 --poisson 0.45 --fix-below z -0.02

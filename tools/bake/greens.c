@@ -382,8 +382,10 @@ greens greens_from_npy(const char *path, const mesh *m, const uint8_t *fixed) {
     bool short_header = data[6] == 1;
     uint32_t length = 0;
     memcpy(&length, data + 8, short_header ? 2 : 4);
-    size_t start = (short_header ? 10u : 12u) + length;
-    if (start > bytes) die(EXIT_WORK, "%s: truncated .npy header", path);
+    size_t start = (short_header ? (size_t)10 : 12) + length;
+    if (length == 0 || start > bytes)
+        die(EXIT_WORK, "%s: the .npy header says %" PRIu32 " bytes, the file has %zu", path, length,
+            bytes);
     data[start - 1] = '\0';
     const char *header = data + (short_header ? 10 : 12);
     bool wide = strstr(header, "'<f8'") != NULL;

@@ -16,6 +16,10 @@ typedef struct {
     uint32_t low, high, code;
 } coder;
 
+/* Bytes that one byte of a stream can stand for at most: a number of 4 bytes takes 6 bits or more,
+ * each of log2(65536 / 65472) = 0.0014 bits or more: 4 * 8 / (6 * 0.0014) = 3,784. */
+#define CODER_MOST_EXPANSION 4000u
+
 /* One adaptive bit: 16-bit probability of a one. */
 typedef uint16_t bit_model;
 

@@ -400,7 +400,8 @@ static sections decode(const char *path, const uint8_t *data, size_t bytes) {
         pack_entry p;
         memcpy(&p, data + sizeof h + i * sizeof p, sizeof p);
         sound = p.element_bytes >= 1 && p.element_bytes <= ELEMENT_MAX &&
-                p.count <= LARGEST_SECTION / p.element_bytes && p.coded_bytes <= end - at;
+                p.count <= LARGEST_SECTION / p.element_bytes && p.coded_bytes <= end - at &&
+                p.count * p.element_bytes <= CODER_MOST_EXPANSION * (p.coded_bytes + 4);
         total += sound ? p.count * p.element_bytes : 0;
         if (!sound || total > h.blob_bytes || total > LARGEST_SECTION)
             refuse(path, "an unsound section");
