@@ -86,14 +86,6 @@ static palp_vec3 vec(const double x[3]) {
     return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
 }
 
-static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
-    for (uint32_t t = 0; t < p->tools; t++) {
-        double x[3] = {0, 0, 1e3};
-        if (p->which[t] < SCENE_TRACKS) scene_at(&p->s.track[p->which[t]], t_s, x);
-        at[t] = vec(x);
-    }
-}
-
 static void open_body(player *p) {
     const play_spec *s = p->spec;
     scene_tools(&p->s, p->tool, p->which, &p->tools);
@@ -117,7 +109,7 @@ static void open_body(player *p) {
     size_t bytes = palp_dynamic_memsize(&p->tets, POINTS);
     palp_vec3 at[SCENE_TRACKS];
     float bound_ns = 0;
-    where_tools_are(p, 0, at);
+    scene_tools_at(&p->s, p->which, p->tools, 0, at);
     palp_status status =
         palp_dynamic_init(&p->body, &c, at, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
@@ -164,7 +156,7 @@ static void run(player *p) {
         dynamic_tick *k = &p->tick[i];
         palp_vec3 at[SCENE_TRACKS], force[SCENE_TRACKS];
         k->t_s = (double)(i + 1) / p->s.rate_hz;
-        where_tools_are(p, k->t_s, at);
+        scene_tools_at(&p->s, p->which, p->tools, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
         p->begun_work = p->body.work_ns;
         p->begun_s = now_s();

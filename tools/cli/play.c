@@ -197,14 +197,6 @@ static void open_player(player *p) {
         p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
 }
 
-static void where_tools_are(const player *p, double t_s, palp_vec3 *at) {
-    for (uint32_t t = 0; t < p->tools; t++) {
-        double x[3] = {1e3, 1e3, 1e3};
-        if (p->which[t] < SCENE_TRACKS) scene_at(&p->s.track[p->which[t]], t_s, x);
-        at[t] = vec(x);
-    }
-}
-
 /* The deformed surface in the world, and how far each node is displaced. */
 static void take_picture(player *p) {
     palp_contact *c = &p->b->contact;
@@ -263,7 +255,7 @@ static void run(player *p) {
             value[j] = (float)x[0];
             k->value[j] = x[0];
         }
-        where_tools_are(p, k->t_s, at);
+        scene_tools_at(&p->s, p->which, p->tools, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
         p->begun_work = palp_answer_work(p->b);
         double start = now_s();

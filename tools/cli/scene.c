@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define FAR_M 1e3 /* where a tool touches nothing */
+
 static const option keys[] = {
     {"--seconds", 1},  {"--rate", 1},   {"--stiffness", 1}, {"--gravity", 3}, {"--pose", 3},
     {"--cylinder", 5}, {"--object", 4}, {"--probe", 1},     {"--touch", 4},   {NULL, 0}};
@@ -115,4 +117,13 @@ void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SC
     if (*count > 0) return;
     which[0] = SCENE_TRACKS;
     tool[(*count)++] = palp_tool_sphere(1e-3f);
+}
+
+void scene_tools_at(const scene *s, const uint32_t *which, uint32_t count, double t_s,
+                    palp_vec3 *at) {
+    for (uint32_t t = 0; t < count; t++) {
+        double x[3] = {FAR_M, FAR_M, FAR_M};
+        if (which[t] < SCENE_TRACKS) scene_at(&s->track[which[t]], t_s, x);
+        at[t] = (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
+    }
 }

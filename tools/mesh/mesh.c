@@ -56,12 +56,6 @@ uint32_t mesh_drop_unused(mesh *m) {
     return dropped;
 }
 
-/* A directed edge of a triangle, sorted by its undirected key. */
-typedef struct {
-    uint32_t low, high, triangle;
-    bool forward; /* the triangle runs low -> high */
-} half_edge;
-
 static int compare_half_edges(const void *a, const void *b) {
     const half_edge *p = a;
     const half_edge *q = b;
@@ -70,22 +64,21 @@ static int compare_half_edges(const void *a, const void *b) {
     return p->triangle < q->triangle ? -1 : p->triangle > q->triangle;
 }
 
-static half_edge *sorted_half_edges(const mesh *m) {
+half_edge *mesh_half_edges(const mesh *m) {
     half_edge *h = allocate(3 * (size_t)m->triangles, sizeof *h);
     for (uint32_t i = 0; i < m->triangles; i++) {
-        for (int k = 0; k < 3; k++) {
+        for (uint32_t k = 0; k < 3; k++) {
             uint32_t a = m->t[i][k];
             uint32_t b = m->t[i][(k + 1) % 3];
-            h[3 * i + (uint32_t)k] =
-                a < b ? (half_edge){a, b, i, true} : (half_edge){b, a, i, false};
+            h[3 * (size_t)i + k] =
+                a < b ? (half_edge){a, b, i, k, true} : (half_edge){b, a, i, k, false};
         }
     }
     qsort(h, 3 * (size_t)m->triangles, sizeof *h, compare_half_edges);
     return h;
 }
 
-/* First half edge behind the run that starts at i. */
-static size_t run_end(const half_edge *h, size_t i, size_t count) {
+size_t half_edge_run_end(const half_edge *h, size_t i, size_t count) {
     size_t j = i + 1;
     while (j < count && h[j].low == h[i].low && h[j].high == h[i].high) j++;
     return j;
@@ -93,7 +86,7 @@ static size_t run_end(const half_edge *h, size_t i, size_t count) {
 
 mesh_edge *mesh_edges(const mesh *m, uint32_t *count) {
     size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = sorted_half_edges(m);
+    half_edge *h = mesh_half_edges(m);
     mesh_edge *e = allocate(total / 2 + 1, sizeof *e);
     uint32_t n = 0;
     for (size_t i = 0; i + 1 < total; i += 2) {
@@ -136,12 +129,12 @@ static void fill_loop(mesh *m, size_t *triangle_capacity, size_t *vertex_capacit
 
 uint32_t mesh_fill_holes(mesh *m, double largest) {
     size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = sorted_half_edges(m);
+    half_edge *h = mesh_half_edges(m);
     uint32_t *next = allocate(m->vertices, sizeof *next); /* boundary successor, reversed */
     uint32_t *loop = allocate(m->vertices, sizeof *loop);
     memset(next, 0xff, m->vertices * sizeof *next);
     for (size_t i = 0; i < total;) {
-        size_t j = run_end(h, i, total);
+        size_t j = half_edge_run_end(h, i, total);
         if (j == i + 1) {
             uint32_t from = h[i].forward ? h[i].high : h[i].low;
             next[from] = h[i].forward ? h[i].low : h[i].high;
@@ -180,9 +173,9 @@ static void flip(uint32_t t[3]) {
 /* neighbour[t][k] = the triangle across the edge that starts at corner k; exits on a bad edge. */
 static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour)[3]) {
     size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = sorted_half_edges(m);
+    half_edge *h = mesh_half_edges(m);
     for (size_t i = 0; i < total;) {
-        size_t j = run_end(h, i, total);
+        size_t j = half_edge_run_end(h, i, total);
         if (j - i == 1) {
             die(EXIT_WORK,
                 "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
@@ -253,7 +246,7 @@ static void orient(mesh *m, const char *path, uint32_t (*neighbour)[3]) {
 
 static void require_oriented(const mesh *m, const char *path) {
     size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = sorted_half_edges(m);
+    half_edge *h = mesh_half_edges(m);
     for (size_t i = 0; i + 1 < total; i += 2) {
         if (h[i].forward == h[i + 1].forward) {
             die(EXIT_WORK, "%s: the surface is one-sided at edge %" PRIu32 "-%" PRIu32 " (0-based)",

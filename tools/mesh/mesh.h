@@ -39,6 +39,17 @@ void mesh_save_obj(const mesh *m, const char *path);
 mesh mesh_copy(const mesh *m);
 void mesh_free(mesh *m);
 
+/* A side of a triangle, from its `corner` to the next. */
+typedef struct {
+    uint32_t low, high, triangle, corner;
+    bool forward; /* the triangle runs low -> high */
+} half_edge;
+
+/* All sides, sorted so that those of one edge stand together; the caller frees them. */
+half_edge *mesh_half_edges(const mesh *m);
+/* The first of `count` sides behind those of the edge that begins at i. */
+size_t half_edge_run_end(const half_edge *h, size_t i, size_t count);
+
 /* Removes vertices that no triangle names; returns how many. */
 uint32_t mesh_drop_unused(mesh *m);
 

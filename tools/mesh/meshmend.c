@@ -12,37 +12,13 @@
 
 /* ---- edges ---- */
 
-typedef struct {
-    uint32_t low, high, triangle, corner; /* the edge begins at that corner */
-} side;
-
-static int compare_sides(const void *a, const void *b) {
-    const side *p = a, *q = b;
-    if (p->low != q->low) return p->low < q->low ? -1 : 1;
-    if (p->high != q->high) return p->high < q->high ? -1 : 1;
-    return p->triangle < q->triangle ? -1 : p->triangle > q->triangle;
-}
-
-static side *sorted_sides(const mesh *m) {
-    side *s = allocate(3 * (size_t)m->triangles + 1, sizeof *s);
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        for (uint32_t k = 0; k < 3; k++) {
-            const uint32_t a = m->t[i][k], b = m->t[i][(k + 1) % 3];
-            s[3 * (size_t)i + k] = (side){a < b ? a : b, a < b ? b : a, i, k};
-        }
-    }
-    qsort(s, 3 * (size_t)m->triangles, sizeof *s, compare_sides);
-    return s;
-}
-
 /* Those of one triangle only; returns how many. */
-static size_t open_sides(const mesh *m, side **open) {
-    side *s = sorted_sides(m);
+static size_t open_sides(const mesh *m, half_edge **open) {
+    half_edge *s = mesh_half_edges(m);
     const size_t all = 3 * (size_t)m->triangles;
     size_t n = 0;
     for (size_t i = 0; i < all;) {
-        size_t j = i + 1;
-        while (j < all && s[j].low == s[i].low && s[j].high == s[i].high) j++;
+        const size_t j = half_edge_run_end(s, i, all);
         if (j == i + 1) s[n++] = s[i];
         i = j;
     }
@@ -109,22 +85,8 @@ static void rename_corners(mesh *m, const uint32_t *now) {
     m->triangles = kept;
 }
 
-/* Takes the vertices out that have become another. */
-static void drop_welded(mesh *m, const uint32_t *now) {
-    uint32_t *number = allocate(m->vertices, sizeof *number), kept = 0;
-    for (uint32_t i = 0; i < m->vertices; i++) {
-        if (now[i] != i) continue;
-        memcpy(m->x[kept], m->x[i], sizeof m->x[i]);
-        number[i] = kept++;
-    }
-    for (uint32_t i = 0; i < m->triangles; i++)
-        for (int k = 0; k < 3; k++) m->t[i][k] = number[m->t[i][k]];
-    m->vertices = kept;
-    free(number);
-}
-
 static uint32_t weld(mesh *m, double within) {
-    side *open;
+    half_edge *open;
     const size_t sides = open_sides(m, &open);
     uint8_t *at_edge = allocate(m->vertices, 1);
     for (size_t i = 0; i < sides; i++) at_edge[open[i].low] = at_edge[open[i].high] = 1;
@@ -148,7 +110,7 @@ static uint32_t weld(mesh *m, double within) {
     for (uint32_t i = 0; i < m->vertices; i++) now[i] = now[now[i]]; /* chains: first come first */
     if (welded > 0) {
         rename_corners(m, now);
-        drop_welded(m, now);
+        (void)mesh_drop_unused(m);
     }
     free(now);
     free(c);
@@ -231,7 +193,7 @@ static uint32_t turn_slivers(mesh *m, double within) {
 /* ---- junctions ---- */
 
 /* A vertex of an open edge that lies within another; NONE. */
-static uint32_t vertex_on(const mesh *m, const side *open, size_t sides, const side *edge,
+static uint32_t vertex_on(const mesh *m, const half_edge *open, size_t sides, const half_edge *edge,
                           double within) {
     double along[3], best = INFINITY;
     uint32_t found = NONE;
@@ -254,7 +216,7 @@ static uint32_t vertex_on(const mesh *m, const side *open, size_t sides, const s
 
 /* Cuts the triangle of each open edge that a vertex lies on; returns how many were cut. */
 static uint32_t cut_once(mesh *m, double within) {
-    side *open;
+    half_edge *open;
     const size_t sides = open_sides(m, &open);
     uint32_t cut = 0;
     uint8_t *changed = allocate(m->triangles, 1);
