@@ -3,6 +3,7 @@
 #include "tests/models.h"
 #include "tests/tap.h"
 #include "tools/solver/dense.h"
+#include "tools/solver/gauss.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
 #include <stdlib.h>

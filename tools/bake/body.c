@@ -70,6 +70,9 @@ bool body_option(body_spec *s, const argument *a) {
         add_fix(s, a, FIX_NODES);
     } else if (strcmp(o, "--crisp") == 0) {
         s->crisp = true;
+    } else if (strcmp(o, "--method") == 0) {
+        static const char *const methods[] = {"galerkin", "collocation", NULL};
+        s->collocation = arg_word(a, methods) == 1;
     } else if (strcmp(o, "--compliance") == 0) {
         s->compliance = body_path(s, a->value[0]);
     } else if (strcmp(o, "--threads") == 0) {
@@ -235,8 +238,10 @@ greens body_greens(const body_spec *s, const mesh *m, const uint8_t *fixed, cons
         g = greens_from_npy(s->compliance, m, fixed);
     } else if (coarse) {
         return greens_coarse_from_bem(m, fixed, &material, s->density, &d->h, level);
-    } else {
+    } else if (s->collocation || raw) {
         g = greens_from_bem(m, fixed, &material, s->density);
+    } else {
+        g = greens_from_galerkin(m, fixed, &material, s->density);
     }
     greens_reciprocity(&g, m, !raw);
     return g;

@@ -21,6 +21,7 @@ typedef struct {
     const char *mesh_path, *compliance;
     const char *folder; /* of the model file, for relative paths */
     bool as_is, levels_given, crisp;
+    bool collocation; /* in place of Galerkin boundary elements */
     uint32_t levels, loop;
     double young_Pa, poisson, density;
     fix fixes[MAX_FIXES];
@@ -31,7 +32,8 @@ typedef struct {
 #define BODY_OPTIONS                                                                               \
     {"--mesh", 1}, {"--levels", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", 1},                 \
         {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2}, {"--fix-above", 2},                \
-        {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0}, {               \
+        {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0},                 \
+        {"--method", 1}, {                                                                         \
         "--threads", 1                                                                             \
     }
 

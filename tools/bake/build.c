@@ -221,7 +221,8 @@ static regular_data build_regular(builder *b, double (*normal)[3], const palp_me
                                .normal = normal,
                                .material = {(double)meta->young_Pa, (double)meta->poisson},
                                .h = &b->d->h,
-                               .level = b->level};
+                               .level = b->level,
+                               .averaged = b->g->averaged};
     if (b->o->modes == 0 || b->o->raw || b->g->scalar) return (regular_data){.modes = 0};
     double *x = gather_columns(b, b->level);
     regular_data r = regular_build(&body, x, b->o->modes);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/bake/greens.h"
+#include "tools/bake/particular.h"
 #include "tools/solver/dense.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
@@ -37,16 +38,6 @@ static void swap_columns(void *context, size_t row) {
                 *g /= p->area[j];
             }
         }
-    }
-}
-
-/* Displacement of the hydrostatic particular solution for unit body force along `axis`, at x -
- * origin. */
-static void particular_displacement(const bem_material *material, const double y[3], size_t axis,
-                                    double u[3]) {
-    double a = -(1 - 2 * material->poisson) / material->young_Pa;
-    for (size_t k = 0; k < 3; k++) {
-        u[k] = a * (y[axis] * y[k] - (k == axis ? 0.5 * v_dot(y, y) : 0));
     }
 }
 

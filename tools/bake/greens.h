@@ -27,7 +27,8 @@ typedef struct {
      * `basis_count` slots of that level, there are none of fixed nodes. 0: columns are the nodes.
      */
     uint32_t basis_count;
-    bool scalar; /* one unknown per node, held as multiples of the identity */
+    bool averaged; /* displacements are means under hats, not those of the nodes */
+    bool scalar;   /* one unknown per node, held as multiples of the identity */
     double reciprocity_residual, equilibrium_residual;
     definite_report definite;
 } greens;
@@ -35,6 +36,12 @@ typedef struct {
 /* Solves the RBVP for every column. Exits when the system is singular. Cost: 8/3 (3n)^3 flops. */
 greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *material,
                        double density_kg_m3);
+
+/* The same by Galerkin boundary elements (tools/solver/galerkin.h): symmetric and positive definite
+ * by construction. Displacements are means under hats, forces act spread over them, on the fixed
+ * patch alone where there is one. Cost: 7/3 (3n)^3 flops and the integrals. */
+greens greens_from_galerkin(const mesh *m, const uint8_t *fixed, const bem_material *material,
+                            double density_kg_m3);
 
 /*
  * The same for loads on the basis functions of `level` only (MR 7.3): one matrix of order 3n and

@@ -9,19 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NEAR_EDGES 2.6 /* distance up to which the hat of the load is integrated over */
-#define POINTS 5u      /* Gauss points along each side of the Duffy square */
 #define SPARE_MODES 16u
 #define ITERATIONS 6u
-#define HEX_CELL                                                                                   \
-    0.8660254037844386 /* area of a node of a regular lattice, over its edge squared               \
-                        */
-
-static const double gauss_at[POINTS] = {0.0469100770306680, 0.2307653449471585, 0.5,
-                                        0.7692346550528415, 0.9530899229693320};
-static const double gauss_weight[POINTS] = {0.1184634425280945, 0.2393143352496832,
-                                            0.2844444444444444, 0.2393143352496832,
-                                            0.1184634425280945};
 
 uint32_t *regular_across(const mesh *m) {
     uint32_t count;
@@ -40,116 +29,11 @@ uint32_t *regular_across(const mesh *m) {
     return across;
 }
 
-struct regular_stars {
-    const regular_body *body;
-    uint32_t *offset, *triangle; /* triangles around each node */
-    double *edge;                /* of a regular lattice of the node's area */
-    double *star_area;           /* integral of its hat */
-};
-
-regular_stars *regular_stars_build(const regular_body *body) {
-    const mesh *m = body->m;
-    regular_stars *s = allocate(1, sizeof *s);
-    s->body = body;
-    s->offset = allocate(m->vertices + 1u, sizeof *s->offset);
-    s->triangle = allocate(3 * (size_t)m->triangles, sizeof *s->triangle);
-    s->edge = allocate(m->vertices, sizeof *s->edge);
-    s->star_area = allocate(m->vertices, sizeof *s->star_area);
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        double n[3];
-        triangle_normal(m->x[m->t[t][0]], m->x[m->t[t][1]], m->x[m->t[t][2]], n);
-        for (int k = 0; k < 3; k++) {
-            s->offset[m->t[t][k] + 1]++;
-            s->star_area[m->t[t][k]] += v_norm(n) / 6;
-        }
-    }
-    for (uint32_t i = 0; i < m->vertices; i++) {
-        s->offset[i + 1] += s->offset[i];
-        s->edge[i] = sqrt(s->star_area[i] / HEX_CELL);
-    }
-    uint32_t *next = allocate(m->vertices, sizeof *next);
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        for (int k = 0; k < 3; k++) {
-            uint32_t v = m->t[t][k];
-            s->triangle[s->offset[v] + next[v]++] = t;
-        }
-    }
-    free(next);
-    return s;
-}
-
-void regular_stars_free(regular_stars *s) {
-    free(s->offset);
-    free(s->triangle);
-    free(s->edge);
-    free(s->star_area);
-    free(s);
-}
-
-/* block += weight B(r) without its factor (1 + nu) / (pi E) */
-static void add_kernel(double block[9], double weight, const double r[3], const double n[3],
-                       double nu) {
-    double d = v_norm(r), e[3] = {r[0] / d, r[1] / d, r[2] / d};
-    weight /= d;
-    for (size_t i = 0; i < 3; i++) {
-        for (size_t j = 0; j < 3; j++) {
-            double b = nu * e[i] * e[j] + (0.5 - nu) * (e[i] * n[j] - n[i] * e[j]);
-            block[3 * i + j] += weight * (b + (i == j ? 1 - nu : 0));
-        }
-    }
-}
-
-/* Over one triangle of the star of l; the apex of Duffy's map lies at k where k is a corner. */
-static void add_triangle(const regular_stars *s, const uint32_t *t, uint32_t k, uint32_t l,
-                         const double n[3], double nu, double block[9]) {
-    const mesh *m = s->body->m;
-    size_t apex = 0, hat = 0;
-    for (size_t c = 0; c < 3; c++) {
-        if (t[c] == l) hat = c;
-    }
-    apex = hat;
-    for (size_t c = 0; c < 3; c++) {
-        if (t[c] == k) apex = c;
-    }
-    double normal[3];
-    triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], normal);
-    for (size_t q = 0; q < POINTS * POINTS; q++) {
-        double u = gauss_at[q / POINTS], v = gauss_at[q % POINTS];
-        double w = gauss_weight[q / POINTS] * gauss_weight[q % POINTS] * u * v_norm(normal);
-        double corner[3], r[3];
-        corner[apex] = 1 - u;
-        corner[(apex + 1) % 3] = u * (1 - v);
-        corner[(apex + 2) % 3] = u * v;
-        for (int a = 0; a < 3; a++) {
-            r[a] = m->x[k][a];
-            for (size_t c = 0; c < 3; c++) r[a] -= corner[c] * m->x[t[c]][a];
-        }
-        add_kernel(block, w * corner[hat] / s->star_area[l], r, n, nu);
-    }
-}
-
-void regular_half_space(const regular_stars *s, regular_material material, uint32_t k, uint32_t l,
-                        double block[9]) {
-    const regular_body *b = s->body;
-    double r[3], n[3];
-    v_sub(b->m->x[k], b->m->x[l], r);
-    for (int a = 0; a < 3; a++) n[a] = 0.5 * (b->normal[k][a] + b->normal[l][a]);
-    memset(block, 0, 9 * sizeof *block);
-    if (v_norm(r) > NEAR_EDGES * fmax(s->edge[k], s->edge[l])) {
-        add_kernel(block, 1, r, n, material.poisson);
-    } else {
-        for (uint32_t i = s->offset[l]; i < s->offset[l + 1]; i++)
-            add_triangle(s, b->m->t[s->triangle[i]], k, l, n, material.poisson, block);
-    }
-    double factor = (1 + material.poisson) / (acos(-1.0) * material.young_Pa);
-    for (int e = 0; e < 9; e++) block[e] *= factor;
-}
-
 /* ---- the modes ---- */
 
 typedef struct {
     const regular_body *body;
-    const regular_stars *stars;
+    const half_space *half_space;
     double *x;
     size_t width;
 } subtraction;
@@ -161,12 +45,9 @@ static void subtract_rows(void *context, size_t slot) {
     uint32_t k = d->node[slot];
     double *row = allocate(9 * (size_t)d->slots, sizeof *row);
     for (uint32_t j = 0; j < d->slots; j++) {
-        double there[9], back[9];
-        regular_half_space(s->stars, s->body->material, k, d->node[j], there);
-        regular_half_space(s->stars, s->body->material, d->node[j], k, back);
-        for (size_t e = 0; e < 9; e++)
-            row[e / 3 * 3 * d->slots + 3 * j + e % 3] =
-                0.5 * (there[e] + back[3 * (e % 3) + e / 3]);
+        double block[9];
+        half_space_block(s->half_space, s->body->material, k, d->node[j], block);
+        for (size_t e = 0; e < 9; e++) row[e / 3 * 3 * d->slots + 3 * j + e % 3] = block[e];
     }
     for (size_t a = 0; a < 3; a++) {
         double *from = row + a * 3 * d->slots, *to = s->x + (3 * (size_t)k + a) * s->width;
@@ -274,7 +155,8 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
     }
     size_t count = choose_modes(&r, n, modes);
     progress_begin("regular part", (double)d->slots + ITERATIONS * (double)n);
-    subtraction s = {.body = body, .stars = regular_stars_build(body), .x = x, .width = n};
+    half_space *there = half_space_build(body->m, body->normal, body->averaged);
+    subtraction s = {.body = body, .half_space = there, .x = x, .width = n};
     double *g = hierarchy_compliance(body->h, body->level, x, n);
     double norm2 = 0, left2 = 0;
     double *root = allocate(n, sizeof *root), mean = 0;
@@ -305,7 +187,7 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
     prolong(d, body->level, count, u);
     store(&r, body->m->vertices, d->node, d->slots, u, count, value);
     progress_end();
-    regular_stars_free((regular_stars *)(uintptr_t)s.stars);
+    half_space_free(there);
     void *owned[] = {root, h, value, y, u};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return r;
@@ -315,17 +197,17 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes) 
 
 typedef struct {
     const regular_nodes *nodes;
-    const regular_stars *stars;
+    const half_space *half_space;
     const double *root;
     double *g;
 } node_subtraction;
 
 /* Mean of what a half-space gives way by, and of Poisson's ratios. */
-static regular_material mean_of(regular_material a, regular_material b) {
+static half_space_material mean_of(half_space_material a, half_space_material b) {
     if (!(fabs(a.young_Pa - b.young_Pa) > 0) && !(fabs(a.poisson - b.poisson) > 0)) return a;
     double nu = 0.5 * (a.poisson + b.poisson);
     double soft = 0.5 * ((1 + a.poisson) / a.young_Pa + (1 + b.poisson) / b.young_Pa);
-    return (regular_material){(1 + nu) / soft, nu};
+    return (half_space_material){(1 + nu) / soft, nu};
 }
 
 /* Takes the half-space's away from the three rows of a node, weighted by areas. */
@@ -334,13 +216,12 @@ static void subtract_from_node(void *context, size_t i) {
     const regular_nodes *p = s->nodes;
     const size_t n = 3 * (size_t)p->nodes;
     for (size_t j = 0; j < p->nodes; j++) {
-        const regular_material between = mean_of(p->material[i], p->material[j]);
-        double there[9], back[9];
-        regular_half_space(s->stars, between, p->node[i], p->node[j], there);
-        regular_half_space(s->stars, between, p->node[j], p->node[i], back);
+        const half_space_material between = mean_of(p->material[i], p->material[j]);
+        double block[9];
+        half_space_block(s->half_space, between, p->node[i], p->node[j], block);
         for (size_t e = 0; e < 9; e++) {
             double *at = s->g + (3 * i + e / 3) * n + 3 * j + e % 3;
-            *at = (*at - 0.5 * (there[e] + back[3 * (e % 3) + e / 3])) * s->root[i] * s->root[j];
+            *at = (*at - block[e]) * s->root[i] * s->root[j];
         }
     }
     progress_add(1);
@@ -359,8 +240,8 @@ regular_data regular_build_nodes(const regular_body *body, const regular_nodes *
         double w = g[i] * root[i / n / 3] * root[i % n / 3];
         norm2 += w * w;
     }
-    regular_stars *stars = regular_stars_build(body);
-    const node_subtraction s = {nodes, stars, root, g};
+    half_space *there = half_space_build(body->m, body->normal, body->averaged);
+    const node_subtraction s = {nodes, there, root, g};
     parallel_for(nodes->nodes, subtract_from_node, (void *)(uintptr_t)&s);
     for (size_t i = 0; i < n * n; i++) left2 += g[i] * g[i];
     double *value = allocate(count, sizeof *value), *u = largest_modes(g, n, count, value);
@@ -369,7 +250,7 @@ regular_data regular_build_nodes(const regular_body *body, const regular_nodes *
     r.left_over = sqrt(fmax(left2, 0) / norm2);
     store(&r, body->m->vertices, nodes->node, nodes->nodes, u, count, value);
     progress_end();
-    regular_stars_free(stars);
+    half_space_free(there);
     void *owned[] = {root, value, u};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return r;

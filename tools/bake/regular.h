@@ -2,18 +2,15 @@
 /*
  * The regular part of a body's compliance, for contact on its surface.
  *
- * Near its load a body is a half-space. With B_kl the displacement of node k when a unit force is
- * spread over the hat of node l of a half-space (Boussinesq and Cerruti; n = (n_k + n_l) / 2),
- *
- *     B(r) = (1 + nu) / (pi E |r|) ((1 - nu) I + nu e e^T + (1/2 - nu) (e n^T - n e^T))
- *     e = r / |r|
- *
+ * Near its load a body is a half-space. With B_kl what of node l's force a half-space would show at
+ * node k (half_space.h),
  * the rest H = G - B has no singularity and few modes: its eigenpairs of largest magnitude,
  * weighted by nodal areas, are what the blob stores. Zero at fixed nodes.
  */
 #ifndef PALP_TOOLS_REGULAR_H
 #define PALP_TOOLS_REGULAR_H
 
+#include "tools/bake/half_space.h"
 #include "tools/bake/hierarchy.h"
 
 typedef struct {
@@ -26,16 +23,13 @@ typedef struct {
 } regular_data;
 
 typedef struct {
-    double young_Pa, poisson;
-} regular_material;
-
-typedef struct {
     const mesh *m;
     const double *area;
     double (*normal)[3];
-    regular_material material;
+    half_space_material material;
     const hierarchy *h;
     uint32_t level; /* of the columns */
+    bool averaged;  /* displacements are means under the hats */
 } regular_body;
 
 /*
@@ -53,7 +47,7 @@ regular_data regular_build(const regular_body *body, double *x, uint32_t modes);
 typedef struct {
     const uint32_t *node; /* [nodes] in the body's mesh */
     uint32_t nodes;
-    const regular_material *material; /* [nodes] */
+    const half_space_material *material; /* [nodes] */
 } regular_nodes;
 regular_data regular_build_nodes(const regular_body *body, const regular_nodes *nodes, double *g,
                                  uint32_t modes);
@@ -62,13 +56,6 @@ regular_data regular_build_nodes(const regular_body *body, const regular_nodes *
 void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner);
 
 void regular_free(regular_data *r);
-
-/* The block B of nodes k and l, row-major, by quadrature over the star of l where it is near. */
-typedef struct regular_stars regular_stars;
-regular_stars *regular_stars_build(const regular_body *body);
-void regular_stars_free(regular_stars *s);
-void regular_half_space(const regular_stars *s, regular_material material, uint32_t k, uint32_t l,
-                        double block[9]);
 
 /* across[triangles][3]: the triangle beyond the edge that faces each corner; to be freed. */
 uint32_t *regular_across(const mesh *m);

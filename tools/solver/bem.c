@@ -2,6 +2,7 @@
 #include "tools/solver/bem.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
+#include "tools/solver/gauss.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,60 +12,14 @@
 #define SINGULAR_ORDER 16
 #define MAX_SPLITS 12
 
-void gauss_legendre(uint32_t n, double *node, double *weight) {
-    for (uint32_t i = 0; i < n; i++) {
-        double x = cos(PI * (i + 0.75) / (n + 0.5));
-        double slope = 1;
-        for (int step = 0; step < 20; step++) {
-            double p0 = 1, p1 = x;
-            for (uint32_t k = 2; k <= n; k++) {
-                double p2 = ((2.0 * k - 1) * x * p1 - (k - 1.0) * p0) / k;
-                p0 = p1;
-                p1 = p2;
-            }
-            slope = n * (x * p1 - p0) / (x * x - 1);
-            x -= p1 / slope;
-        }
-        node[i] = 0.5 * (1 - x);
-        weight[i] = 1 / ((1 - x * x) * slope * slope);
-    }
-}
-
-/* Points of a triangle rule: barycentric weights of the three corners and the weight (sum 1/2). */
-typedef struct {
-    uint32_t points;
-    double (*corner)[3];
-    double *weight;
-} triangle_rule;
-
 static struct {
     triangle_rule regular[MAX_ORDER + 1];
     double node[SINGULAR_ORDER], weight[SINGULAR_ORDER];
 } rules;
 
-/* Gauss-Legendre in both directions of the collapsed square: exact to degree 2 n - 2. */
-static triangle_rule collapsed_rule(uint32_t n) {
-    triangle_rule r = {.points = n * n};
-    double node[MAX_ORDER], weight[MAX_ORDER];
-    r.corner = allocate(r.points, sizeof *r.corner);
-    r.weight = allocate(r.points, sizeof *r.weight);
-    gauss_legendre(n, node, weight);
-    for (uint32_t i = 0; i < n; i++) {
-        for (uint32_t k = 0; k < n; k++) {
-            double s = node[i], t = node[k];
-            double *c = r.corner[i * n + k];
-            c[0] = 1 - s;
-            c[1] = s * (1 - t);
-            c[2] = s * t;
-            r.weight[i * n + k] = weight[i] * weight[k] * s;
-        }
-    }
-    return r;
-}
-
 static void prepare_rules(void) {
     if (rules.regular[1].points != 0) return;
-    for (uint32_t n = 1; n <= MAX_ORDER; n++) rules.regular[n] = collapsed_rule(n);
+    for (uint32_t n = 1; n <= MAX_ORDER; n++) rules.regular[n] = triangle_rule_collapsed(n);
     gauss_legendre(SINGULAR_ORDER, rules.node, rules.weight);
 }
 
@@ -130,16 +85,6 @@ static double distance_to_triangle(const double x[3], double c[3][3], const doub
     return inside ? fabs(height) : nearest;
 }
 
-/*
- * Points per direction for a kernel whose nearest singularity is `ratio` half-lengths away: Gauss'
- * rule converges like rho^(-2n) with rho the Bernstein ellipse through it.
- */
-static uint32_t order_for(double ratio, double tolerance) {
-    double rho = ratio + sqrt(1 + ratio * ratio);
-    double n = ceil(-log(tolerance) / (2 * log(rho)));
-    return n < 2 ? 2 : n > 64 ? 64 : (uint32_t)n;
-}
-
 static double longest_edge(double c[3][3]) {
     return fmax(v_distance(c[0], c[1]), fmax(v_distance(c[1], c[2]), v_distance(c[2], c[0])));
 }
@@ -155,7 +100,7 @@ static void integrate_regular(hat_moments moments[3], const element *e, const do
         }
     }
     double ratio = 2 * distance_to_triangle(x, c, e->normal) / longest_edge(c);
-    uint32_t order = order_for(ratio, tolerance);
+    uint32_t order = gauss_order(ratio, tolerance);
     if (order > MAX_ORDER && depth < MAX_SPLITS) {
         double mid[3][3];
         for (int i = 0; i < 3; i++) {
@@ -202,7 +147,7 @@ static void integrate_singular(hat_moments moments[3], const element *e, int sel
         q[k] = a[k] + t1 * (b[k] - a[k]);
     }
     double ratio = 2 * distance_to_segment(x, p, q) / v_distance(p, q);
-    if (order_for(ratio, tolerance) > SINGULAR_ORDER && depth < MAX_SPLITS) {
+    if (gauss_order(ratio, tolerance) > SINGULAR_ORDER && depth < MAX_SPLITS) {
         double middle = 0.5 * (t0 + t1);
         integrate_singular(moments, e, self, t0, middle, tolerance, depth + 1);
         integrate_singular(moments, e, self, middle, t1, tolerance, depth + 1);

@@ -50,7 +50,4 @@ typedef void (*bem_taker)(void *context, size_t node, const double *h, const dou
 void bem_stream(const mesh *m, const bem_material *material, bem_taker take, void *context,
                 const bem_traction *traction);
 
-/* Nodes and weights of the n-point Gauss-Legendre rule on [0, 1], n <= 32. */
-void gauss_legendre(uint32_t n, double *node, double *weight);
-
 #endif

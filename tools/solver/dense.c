@@ -55,11 +55,17 @@ static kernel pick_kernel(void) {
 
 /* ---- product ---- */
 
+/* Element (i, k) stands at i * row + k * step: a matrix or its transpose. */
+typedef struct {
+    const double *at;
+    size_t row, step;
+} view;
+
 typedef struct {
     kernel kernel;
     double *c;
-    const double *a, *b;
-    size_t c_stride, a_stride, b_stride, m, n, k;
+    view a, b;
+    size_t c_stride, m, n, k;
     double *packed; /* B slice: strips of `width` columns, zero-padded */
 } product;
 
@@ -70,7 +76,8 @@ static void pack_strip(void *context, size_t strip) {
     size_t valid = p->n - first < width ? p->n - first : width;
     double *to = p->packed + strip * width * p->k;
     for (size_t k = 0; k < p->k; k++, to += width) {
-        memcpy(to, p->b + k * p->b_stride + first, valid * sizeof *to);
+        const double *from = p->b.at + k * p->b.row + first * p->b.step;
+        for (size_t j = 0; j < valid; j++) to[j] = from[j * p->b.step];
         memset(to + valid, 0, (width - valid) * sizeof *to);
     }
 }
@@ -80,7 +87,7 @@ static void pack_rows(const product *p, size_t row, size_t rows, double *to) {
     for (size_t strip = 0; strip < rows; strip += height) {
         for (size_t k = 0; k < p->k; k++) {
             for (size_t i = 0; i < height; i++) {
-                *to++ = strip + i < rows ? p->a[(row + strip + i) * p->a_stride + k] : 0.0;
+                *to++ = strip + i < rows ? p->a.at[(row + strip + i) * p->a.row + k * p->a.step] : 0.0;
             }
         }
     }
@@ -122,8 +129,8 @@ static void multiply_rows(void *context, size_t item) {
     free(packed);
 }
 
-void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride,
-                            const double *b, size_t b_stride, size_t m, size_t n, size_t k) {
+/* C (m x n) -= A (m x k) B (k x n) */
+static void subtract(double *c, size_t c_stride, view a, view b, size_t m, size_t n, size_t k) {
     if (m == 0 || n == 0 || k == 0) return;
     kernel best = pick_kernel();
     size_t strips = (n + best.width - 1) / best.width;
@@ -133,11 +140,9 @@ void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t 
         size_t depth = k - first < SLICE ? k - first : SLICE;
         product p = {.kernel = best,
                      .c = c,
-                     .a = a + first,
-                     .b = b + first * b_stride,
+                     .a = {a.at + first * a.step, a.row, a.step},
+                     .b = {b.at + first * b.row, b.row, b.step},
                      .c_stride = c_stride,
-                     .a_stride = a_stride,
-                     .b_stride = b_stride,
                      .m = m,
                      .n = n,
                      .k = depth,
@@ -155,25 +160,51 @@ void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t 
     free(packed);
 }
 
+void dense_subtract_product(double *c, size_t c_stride, const double *a, size_t a_stride,
+                            const double *b, size_t b_stride, size_t m, size_t n, size_t k) {
+    subtract(c, c_stride, (view){a, a_stride, 1}, (view){b, b_stride, 1}, m, n, k);
+}
+
+/* The lower triangle of C (n x n) -= A A^T; what stands above it near the diagonal is overwritten.
+ * Halves down to a few row tiles, with the square below the diagonal in between. */
+static void subtract_square(double *c, size_t stride, view a, size_t n, size_t k) {
+    if (n <= 4 * ROW_TILE) {
+        subtract(c, stride, a, (view){a.at, a.step, a.row}, n, n, k);
+        return;
+    }
+    size_t half = n / 2 / ROW_TILE * ROW_TILE;
+    view low = {a.at + half * a.row, a.row, a.step};
+    subtract_square(c, stride, a, half, k);
+    subtract(c + half * stride, stride, low, (view){a.at, a.step, a.row}, n - half, half, k);
+    subtract_square(c + half * stride + half, stride, low, n - half, k);
+}
+
+void dense_subtract_gram(double *c, size_t c_stride, const double *x, size_t x_stride, size_t n,
+                         size_t k) {
+    subtract_square(c, c_stride, (view){x, 1, x_stride}, n, k);
+}
+
 /* ---- triangular solves on blocks of right-hand sides ---- */
 
-/* B := L^-1 B, L unit lower triangular (n x n) */
+/* B := L^-1 B, L lower triangular (n x n) with `unit` diagonal or its own */
 static void solve_lower(const double *l, size_t stride, double *b, size_t b_stride, size_t n,
-                        size_t m) {
+                        size_t m, bool unit) {
     if (n <= LEAF) {
-        for (size_t i = 1; i < n; i++) {
+        for (size_t i = 0; i < n; i++) {
             for (size_t k = 0; k < i; k++) {
                 double factor = l[i * stride + k];
                 for (size_t j = 0; j < m; j++) b[i * b_stride + j] -= factor * b[k * b_stride + j];
             }
+            double pivot = l[i * stride + i];
+            for (size_t j = 0; j < m && !unit; j++) b[i * b_stride + j] /= pivot;
         }
         return;
     }
     size_t half = n / 2;
-    solve_lower(l, stride, b, b_stride, half, m);
+    solve_lower(l, stride, b, b_stride, half, m, unit);
     dense_subtract_product(b + half * b_stride, b_stride, l + half * stride, stride, b, b_stride,
                            n - half, m, half);
-    solve_lower(l + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m);
+    solve_lower(l + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m, unit);
 }
 
 /* B := U^-1 B, U upper triangular (n x n) */
@@ -246,7 +277,8 @@ static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm,
     size_t bad = factor_columns(a, n, stride, perm, first, middle);
     if (bad < n) return bad;
     double *right = a + first * stride + middle;
-    solve_lower(a + first * stride + first, stride, right, stride, middle - first, last - middle);
+    solve_lower(a + first * stride + first, stride, right, stride, middle - first, last - middle,
+                true);
     dense_subtract_product(a + middle * stride + middle, stride, a + middle * stride + first,
                            stride, right, stride, n - middle, last - middle, middle - first);
     return factor_columns(a, n, stride, perm, middle, last);
@@ -263,6 +295,92 @@ size_t dense_lu_unpivoted(double *a, size_t n, size_t stride) {
 void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *perm, double *b,
                     size_t b_stride, size_t m) {
     for (size_t i = 0; i < n; i++) swap_rows(b, b_stride, m, i, perm[i]);
-    solve_lower(lu, stride, b, b_stride, n, m);
+    solve_lower(lu, stride, b, b_stride, n, m, true);
     solve_upper(lu, stride, b, b_stride, n, m);
+}
+
+/* ---- Cholesky ---- */
+
+/* X (m x n) := X L^-T, L lower triangular */
+static void solve_right(const double *l, size_t stride, double *x, size_t x_stride, size_t n,
+                        size_t m) {
+    if (n <= LEAF) {
+        for (size_t i = 0; i < m; i++) {
+            double *row = x + i * x_stride;
+            for (size_t j = 0; j < n; j++) {
+                double sum = row[j];
+                for (size_t k = 0; k < j; k++) sum -= row[k] * l[j * stride + k];
+                row[j] = sum / l[j * stride + j];
+            }
+        }
+        return;
+    }
+    size_t half = n / 2;
+    solve_right(l, stride, x, x_stride, half, m);
+    subtract(x + half, x_stride, (view){x, x_stride, 1}, (view){l + half * stride, 1, stride}, m,
+             n - half, half);
+    solve_right(l + half * stride + half, stride, x + half, x_stride, n - half, m);
+}
+
+static size_t cholesky_leaf(double *a, size_t n, size_t stride) {
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            double sum = a[i * stride + j];
+            for (size_t k = 0; k < j; k++) sum -= a[i * stride + k] * a[j * stride + k];
+            if (j < i) {
+                a[i * stride + j] = sum / a[j * stride + j];
+            } else if (sum > 0) {
+                a[i * stride + i] = sqrt(sum);
+            } else {
+                return i;
+            }
+        }
+    }
+    return n;
+}
+
+size_t dense_cholesky(double *a, size_t n, size_t stride) {
+    if (n <= LEAF) {
+        progress_add((double)n);
+        return cholesky_leaf(a, n, stride);
+    }
+    size_t half = n / 2;
+    double *low = a + half * stride, *corner = low + half;
+    size_t bad = dense_cholesky(a, half, stride);
+    if (bad < half) return bad;
+    solve_right(a, stride, low, stride, half, n - half);
+    subtract_square(corner, stride, (view){low, stride, 1}, n - half, half);
+    return half + dense_cholesky(corner, n - half, stride);
+}
+
+void dense_lower_solve(const double *l, size_t n, size_t stride, double *b, size_t b_stride,
+                       size_t m) {
+    solve_lower(l, stride, b, b_stride, n, m, false);
+}
+
+/* B := L^-T B */
+static void solve_lower_transposed(const double *l, size_t stride, double *b, size_t b_stride,
+                                   size_t n, size_t m) {
+    if (n <= LEAF) {
+        for (size_t i = n; i-- > 0;) {
+            for (size_t k = i + 1; k < n; k++) {
+                double factor = l[k * stride + i];
+                for (size_t j = 0; j < m; j++) b[i * b_stride + j] -= factor * b[k * b_stride + j];
+            }
+            double pivot = l[i * stride + i];
+            for (size_t j = 0; j < m; j++) b[i * b_stride + j] /= pivot;
+        }
+        return;
+    }
+    size_t half = n / 2;
+    solve_lower_transposed(l + half * stride + half, stride, b + half * b_stride, b_stride,
+                           n - half, m);
+    subtract(b, b_stride, (view){l + half * stride, 1, stride}, (view){b + half * b_stride, b_stride, 1},
+             half, m, n - half);
+    solve_lower_transposed(l, stride, b, b_stride, half, m);
+}
+
+void dense_lower_solve_transposed(const double *l, size_t n, size_t stride, double *b,
+                                  size_t b_stride, size_t m) {
+    solve_lower_transposed(l, stride, b, b_stride, n, m);
 }

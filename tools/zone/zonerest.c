@@ -224,7 +224,7 @@ regular_data rest_regular(const rest_model *model, const rest_surface *surface, 
     uint32_t count;
     felt_vertex *felt = felt_vertices(model, surface, &count);
     uint32_t *node = allocate(count, sizeof *node);
-    regular_material *material = allocate(count, sizeof *material);
+    half_space_material *material = allocate(count, sizeof *material);
     for (uint32_t i = 0; i < count; i++) {
         node[i] = felt[i].vertex;
         material[i] = model->zone[felt[i].zone].material;

@@ -23,7 +23,7 @@ typedef struct {
     const domains *dom;
     const float *stiffness, *response; /* as in the file (core/zone/zones.h) */
     uint32_t seams, list[PALP_MAX_ZONE_SEAMS], first[PALP_MAX_ZONE_SEAMS], modes;
-    regular_material material;
+    half_space_material material;
 } rest_zone;
 
 typedef struct {
