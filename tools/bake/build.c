@@ -125,7 +125,7 @@ static void require_definite(const builder *b, double *t, uint32_t level) {
     double *work = allocate_aligned(n * n, sizeof *work);
     for (size_t i = 0; i < n * n; i++) work[i] = (double)(float)t[i];
     for (size_t i = 0; i < n; i++) work[i * n + i] *= 1 - TABLE_FLOOR;
-    if (dense_lu_unpivoted(work, n, n) < n) {
+    if (dense_cholesky(work, n, n) < n) {
         die(EXIT_WORK,
             "the compliance table of constraint level %" PRIu32
             " is not positive definite: use --table-mb 0 or a coarser mesh",

@@ -582,7 +582,7 @@ void greens_reciprocity(greens *g, const mesh *m, bool enforce) {
             if (both_free(g, i, j) || g->reactions) average_pair(g, i, j);
         }
     }
-    enforce_definiteness(g);
+    if (!g->averaged) enforce_definiteness(g); /* Galerkin's is definite by construction */
     if (!g->reactions) return;
     restore_rigid_motion(g, m);
     g->equilibrium_residual = equilibrium_residual(g);

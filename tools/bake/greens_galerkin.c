@@ -105,44 +105,61 @@ static void find_modes(rbvp *p) {
     }
 }
 
+/* What quadrature has left of the rigid motions in D, D Z, and in B. */
+typedef struct {
+    const rbvp *p;
+    double (*left)[MODES], gram[MODES][MODES], own;
+} projection;
+
+static void find_left(void *context, size_t i) {
+    const projection *s = context;
+    const galerkin_matrices *g = &s->p->g;
+    const size_t n = g->order;
+    double wrong[MODES];
+    memcpy(wrong, s->p->mean[i], sizeof wrong);
+    for (size_t j = 0; j < n; j++) {
+        for (size_t a = 0; a < MODES; a++) {
+            s->left[i][a] += g->d[i * n + j] * s->p->mode[j][a];
+            wrong[a] -= g->b[i * n + j] * s->p->mode[j][a];
+        }
+    }
+    for (size_t j = 0; j < n; j++) {
+        for (size_t a = 0; a < MODES; a++) g->b[i * n + j] += wrong[a] * s->p->mode[j][a];
+    }
+}
+
+/* A row of (I - Z Z^T) D (I - Z Z^T) + own Z Z^T = D - Z L^T - L Z^T with 2 L = 2 D Z - Z (Z^T D Z +
+ * own I). */
+static void project_row(void *context, size_t i) {
+    const projection *s = context;
+    const galerkin_matrices *g = &s->p->g;
+    for (size_t j = 0; j <= i; j++) {
+        double sum = g->d[i * g->order + j];
+        for (size_t a = 0; a < MODES; a++)
+            sum -= s->p->mode[i][a] * s->left[j][a] + s->left[i][a] * s->p->mode[j][a];
+        g->d[i * g->order + j] = sum;
+    }
+}
+
 /* Takes what quadrature has left of the rigid motions out of D, puts a stiffness of their own in
  * its place, and makes B exact for them. */
 static void project_rigid_motions(rbvp *p) {
-    galerkin_matrices *g = &p->g;
-    size_t n = g->order;
-    double(*left)[MODES] = allocate(n, sizeof *left), gram[MODES][MODES] = {{0}}, trace = 0;
+    const size_t n = p->g.order;
+    projection s = {.p = p, .left = allocate(n, sizeof *s.left)};
+    for (size_t i = 0; i < n; i++) s.own += p->g.d[i * n + i] / (double)n;
+    parallel_for(n, find_left, &s);
     for (size_t i = 0; i < n; i++) {
-        trace += g->d[i * n + i] / (double)n;
-        double wrong[MODES];
-        memcpy(wrong, p->mean[i], sizeof wrong);
-        for (size_t j = 0; j < n; j++) {
-            for (size_t a = 0; a < MODES; a++) {
-                left[i][a] += g->d[i * n + j] * p->mode[j][a];
-                wrong[a] -= g->b[i * n + j] * p->mode[j][a];
-            }
-        }
-        for (size_t j = 0; j < n; j++) {
-            for (size_t a = 0; a < MODES; a++) g->b[i * n + j] += wrong[a] * p->mode[j][a];
-        }
+        for (size_t a = 0; a < MODES * MODES; a++)
+            s.gram[a / MODES][a % MODES] += p->mode[i][a / MODES] * s.left[i][a % MODES];
     }
     for (size_t i = 0; i < n; i++) {
         for (size_t a = 0; a < MODES; a++) {
-            for (size_t b = 0; b < MODES; b++) gram[a][b] += p->mode[i][a] * left[i][b];
+            for (size_t b = 0; b < MODES; b++)
+                s.left[i][a] -= 0.5 * p->mode[i][b] * (s.gram[b][a] + (a == b ? s.own : 0));
         }
     }
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            double sum = g->d[i * n + j];
-            for (size_t a = 0; a < MODES; a++) {
-                sum -= p->mode[i][a] * left[j][a] + left[i][a] * p->mode[j][a];
-                for (size_t b = 0; b < MODES; b++)
-                    sum += p->mode[i][a] * gram[a][b] * p->mode[j][b];
-                sum += trace * p->mode[i][a] * p->mode[j][a];
-            }
-            g->d[i * n + j] = sum;
-        }
-    }
-    free(left);
+    parallel_for(n, project_row, &s);
+    free(s.left);
 }
 
 /* Means under the hats of the particular displacement for unit acceleration along each axis. */

@@ -34,7 +34,7 @@ half_space *half_space_build(const mesh *m, double (*normal)[3], bool averaged) 
     s->star_area = allocate(m->vertices, sizeof *s->star_area);
     gauss_legendre(POINTS, s->at, s->weight);
     for (uint32_t c = 1; c <= 3; c++) s->touching[c] = pair_rule_build(c, PAIR_POINTS);
-    s->apart = triangle_rule_symmetric(3);
+    s->apart = triangle_rule_symmetric(2);
     for (uint32_t t = 0; t < m->triangles; t++) {
         double n[3];
         triangle_normal(m->x[m->t[t][0]], m->x[m->t[t][1]], m->x[m->t[t][2]], n);

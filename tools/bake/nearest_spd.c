@@ -27,8 +27,8 @@ static void scaled_copy(const double *g, size_t n, size_t stride, const double *
 static bool factors(const double *g, size_t n, size_t stride, const double *root, double shift,
                     double *a) {
     scaled_copy(g, n, stride, root, shift, a);
-    progress_begin("definiteness", (double)n * (double)n * (double)n / 3);
-    size_t bad = dense_lu_unpivoted(a, n, n);
+    progress_begin("definiteness", (double)n);
+    size_t bad = dense_cholesky(a, n, n);
     progress_end();
     return bad == n;
 }
@@ -37,10 +37,8 @@ static bool factors(const double *g, size_t n, size_t stride, const double *root
  * first. */
 static double *krylov_basis(const double *factor, size_t n) {
     double *q = allocate(n * BASIS, sizeof *q);
-    uint32_t *in_place = allocate(n, sizeof *in_place);
     uint64_t seed = 1;
     for (size_t i = 0; i < n; i++) {
-        in_place[i] = (uint32_t)i;
         for (size_t c = 0; c < BLOCK; c++) {
             seed = seed * 6364136223846793005ull + 1442695040888963407ull;
             q[i * BASIS + c] = (double)(seed >> 11) / 4503599627370496.0 - 1.0;
@@ -52,13 +50,13 @@ static double *krylov_basis(const double *factor, size_t n) {
         if (b > 0) {
             for (size_t i = 0; i < n; i++)
                 memcpy(block + i * BASIS, block + i * BASIS - BLOCK, BLOCK * sizeof *q);
-            dense_lu_solve(factor, n, n, in_place, block, BASIS, BLOCK);
+            dense_lower_solve(factor, n, n, block, BASIS, BLOCK);
+            dense_lower_solve_transposed(factor, n, n, block, BASIS, BLOCK);
         }
         orthonormalise(q, n, BASIS, b * BLOCK, (b + 1) * BLOCK);
         progress_add(1);
     }
     progress_end();
-    free(in_place);
     return q;
 }
 

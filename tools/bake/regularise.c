@@ -61,7 +61,7 @@ static bool definite(const double *n, const double *amplitude, size_t m, double 
     for (size_t i = 0; i < m; i++) {
         work[i * m + i] += mu * amplitude[i] - FLOOR * n[i * m + i];
     }
-    return dense_lu_unpivoted(work, m, m) == m;
+    return dense_cholesky(work, m, m) == m;
 }
 
 static double least_mu(const double *n, const double *amplitude, size_t m) {

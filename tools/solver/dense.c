@@ -239,10 +239,8 @@ static void swap_rows(double *a, size_t stride, size_t n, size_t i, size_t k) {
     }
 }
 
-/* Brings the pivot of column j to its place, or without `perm` only looks at it; false when it is
- * unusable. */
+/* Brings the pivot of column j to its place; false when it is unusable. */
 static bool place_pivot(double *a, size_t n, size_t stride, uint32_t *perm, size_t j) {
-    if (perm == NULL) return a[j * stride + j] > 0;
     size_t best = j;
     for (size_t i = j + 1; i < n; i++) {
         if (fabs(a[i * stride + j]) > fabs(a[best * stride + j])) best = i;
@@ -286,10 +284,6 @@ static size_t factor_columns(double *a, size_t n, size_t stride, uint32_t *perm,
 
 size_t dense_lu(double *a, size_t n, size_t stride, uint32_t *perm) {
     return factor_columns(a, n, stride, perm, 0, n);
-}
-
-size_t dense_lu_unpivoted(double *a, size_t n, size_t stride) {
-    return factor_columns(a, n, stride, NULL, 0, n);
 }
 
 void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *perm, double *b,

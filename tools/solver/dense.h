@@ -38,13 +38,6 @@ void dense_lower_solve_transposed(const double *l, size_t n, size_t stride, doub
  */
 size_t dense_lu(double *a, size_t n, size_t stride, uint32_t *perm);
 
-/*
- * L U in place without row exchanges, which for a symmetric matrix meets only positive pivots
- * exactly when it is positive definite. Returns n, or the index of the first pivot that is not
- * positive.
- */
-size_t dense_lu_unpivoted(double *a, size_t n, size_t stride);
-
 /* B (n x m) := A^-1 B from the factors. */
 void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *perm, double *b,
                     size_t b_stride, size_t m);

@@ -433,8 +433,9 @@ static void add_weights(const assembly *a) {
 /* Bending is what little remains of D where membranes cancel, (thickness / size)^2 of it: thin walls
  * and slender triangles need more exact integrals. */
 static uint32_t touching_order(double slender, double thin) {
-    double order = fmax(3 + slender, TOUCHING_LEAST + 1.5 * fmax(log2(THIN / thin), 0));
-    return (uint32_t)fmin(fmax(TOUCHING_LEAST, ceil(order - 0.3)), TOUCHING_MOST);
+    double for_shape = floor(3 + slender);
+    double for_bending = ceil(TOUCHING_LEAST + 1.5 * log2(THIN / thin) - 0.3);
+    return (uint32_t)fmin(fmax(TOUCHING_LEAST, fmax(for_shape, for_bending)), TOUCHING_MOST);
 }
 
 static triangle_size size_of(const quadratic_surface *q, uint32_t t, double thin) {

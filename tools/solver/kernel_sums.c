@@ -4,16 +4,22 @@
 
 surface_point surface_point_at(const quadratic_surface *q, uint32_t triangle,
                                const double corner[3], double weight) {
-    surface_point p = {.weight = weight};
+    surface_point p;
+    p.weight = weight;
     memcpy(p.corner, corner, sizeof p.corner);
     quadratic_shape(corner, p.n, p.n_u, p.n_v);
-    for (int i = 0; i < 6; i++) {
-        const double *x = quadratic_node(q, triangle, i);
-        for (int k = 0; k < 3; k++) {
-            p.at[k] += p.n[i] * x[k];
-            p.along_u[k] += p.n_u[i] * x[k];
-            p.along_v[k] += p.n_v[i] * x[k];
+    const double *x[6];
+    for (int i = 0; i < 6; i++) x[i] = quadratic_node(q, triangle, i);
+    for (int k = 0; k < 3; k++) {
+        double at = 0, u = 0, v = 0;
+        for (int i = 0; i < 6; i++) {
+            at += p.n[i] * x[i][k];
+            u += p.n_u[i] * x[i][k];
+            v += p.n_v[i] * x[i][k];
         }
+        p.at[k] = at;
+        p.along_u[k] = u;
+        p.along_v[k] = v;
     }
     v_cross(p.along_u, p.along_v, p.normal);
     p.jacobian = v_norm(p.normal);

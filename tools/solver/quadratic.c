@@ -206,21 +206,3 @@ void quadratic_free(quadratic_surface *q) {
     free(q->weight);
     free(q->middle);
 }
-
-const double *quadratic_node(const quadratic_surface *q, uint32_t triangle, int node) {
-    if (node < 3) return q->m->x[q->m->t[triangle][node]];
-    return q->middle[q->edge[triangle][node - 3]];
-}
-
-void quadratic_shape(const double corner[3], double n[6], double along_u[6], double along_v[6]) {
-    static const double slope_u[3] = {-1, 1, 0}, slope_v[3] = {-1, 0, 1};
-    for (int k = 0; k < 3; k++) {
-        int a = (k + 1) % 3, b = (k + 2) % 3;
-        n[k] = corner[k] * (2 * corner[k] - 1);
-        along_u[k] = (4 * corner[k] - 1) * slope_u[k];
-        along_v[k] = (4 * corner[k] - 1) * slope_v[k];
-        n[3 + k] = 4 * corner[a] * corner[b];
-        along_u[3 + k] = 4 * (slope_u[a] * corner[b] + corner[a] * slope_u[b]);
-        along_v[3 + k] = 4 * (slope_v[a] * corner[b] + corner[a] * slope_v[b]);
-    }
-}

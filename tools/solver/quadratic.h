@@ -32,10 +32,32 @@ quadratic_surface quadratic_build(const mesh *m);
 void quadratic_free(quadratic_surface *q);
 
 /* Corner 0 to 2 and middle 3 to 5 (facing corners 0 to 2): place of a triangle's node. */
-const double *quadratic_node(const quadratic_surface *q, uint32_t triangle, int node);
+static inline const double *quadratic_node(const quadratic_surface *q, uint32_t triangle,
+                                           int node) {
+    if (node < 3) return q->m->x[q->m->t[triangle][node]];
+    return q->middle[q->edge[triangle][node - 3]];
+}
 
 /* The six shape functions at barycentric weights, and their derivatives along corner 0 -> 1 and
  * 0 -> 2. */
-void quadratic_shape(const double corner[3], double n[6], double along_u[6], double along_v[6]);
+static inline void quadratic_shape(const double corner[3], double n[6], double along_u[6],
+                                   double along_v[6]) {
+    const double a = corner[0], b = corner[1], c = corner[2];
+    for (int k = 0; k < 3; k++) n[k] = corner[k] * (2 * corner[k] - 1);
+    n[3] = 4 * b * c;
+    n[4] = 4 * c * a;
+    n[5] = 4 * a * b;
+    along_u[0] = along_v[0] = 1 - 4 * a;
+    along_u[1] = 4 * b - 1;
+    along_v[1] = 0;
+    along_u[2] = 0;
+    along_v[2] = 4 * c - 1;
+    along_u[3] = 4 * c;
+    along_v[3] = 4 * b;
+    along_u[4] = -4 * c;
+    along_v[4] = 4 * (a - c);
+    along_u[5] = 4 * (a - b);
+    along_v[5] = -4 * b;
+}
 
 #endif

@@ -113,15 +113,11 @@ static double *answer_of(const rest_model *r) {
         }
         free(at);
     }
-    uint32_t *order = allocate(n + 1, sizeof *order);
-    for (size_t i = 0; i < n; i++) {
-        order[i] = (uint32_t)i;
-        inverse[i * n + i] = 1;
-    }
-    if (dense_lu_unpivoted(a, n, n) < n)
+    for (size_t i = 0; i < n; i++) inverse[i * n + i] = 1;
+    if (dense_cholesky(a, n, n) < n)
         die(EXIT_WORK, "the seams' stiffness is not positive definite: use a finer mesh");
-    dense_lu_solve(a, n, n, order, inverse, n, n);
-    free(order);
+    dense_lower_solve(a, n, n, inverse, n, n);
+    dense_lower_solve_transposed(a, n, n, inverse, n, n);
     free(a);
     return inverse;
 }
