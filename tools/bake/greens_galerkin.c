@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define CREASE_COS 0.7071 /* triangles at a larger angle lie across an edge of the body */
 #define MODES 6 /* rigid motions: three translations, three rotations about the middle */
 
 /*
@@ -45,17 +46,39 @@ static bool all_fixed(const rbvp *p, uint32_t triangle) {
     return p->fixed[t[0]] != 0 && p->fixed[t[1]] != 0 && p->fixed[t[2]] != 0;
 }
 
+/*
+ * A fixed node's reaction is spread over its hat: to the first free nodes on a smooth surface, so
+ * that a patch ends about halfway to them, but not round an edge of the body, nor, where the patch
+ * is to be `crisp`, beyond its own triangles.
+ */
 static void find_patches(rbvp *p) {
     const mesh *m = p->m;
     p->on_patch = allocate(m->vertices, 1);
     p->dropped = allocate(3 * (size_t)m->triangles, 1);
+    double(*normal)[3] = allocate(m->triangles, sizeof *normal);
+    uint8_t *smooth = allocate(3 * (size_t)m->triangles, 1);
     for (uint32_t i = 0; i < m->triangles; i++) {
+        triangle_normal(m->x[m->t[i][0]], m->x[m->t[i][1]], m->x[m->t[i][2]], normal[i]);
+        v_normalize(normal[i]);
         for (int k = 0; k < 3 && all_fixed(p, i); k++) p->on_patch[m->t[i][k]] = 1;
     }
+    uint32_t *offset, *around;
+    mesh_stars(m, &offset, &around);
     for (uint32_t i = 0; i < m->triangles; i++) {
-        for (size_t k = 0; k < 3; k++)
-            p->dropped[3 * (size_t)i + k] = p->on_patch[m->t[i][k]] != 0 && !all_fixed(p, i);
+        for (size_t k = 0; k < 3 && !all_fixed(p, i); k++) {
+            uint32_t v = m->t[i][k];
+            for (uint32_t e = offset[v]; e < offset[v + 1] && !p->material->crisp; e++) {
+                if (all_fixed(p, around[e]) && v_dot(normal[i], normal[around[e]]) > CREASE_COS)
+                    smooth[3 * (size_t)i + k] = 1;
+            }
+            p->dropped[3 * (size_t)i + k] = p->on_patch[v] != 0 && smooth[3 * (size_t)i + k] == 0;
+        }
     }
+    for (uint32_t i = 0; i < 3 * m->triangles; i++) {
+        if (smooth[i] != 0) p->on_patch[m->t[i / 3][i % 3]] = 0;
+    }
+    void *owned[] = {normal, smooth, offset, around};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
 
 /* Rigid mode `mode` about the origin at x. */
@@ -257,7 +280,8 @@ static void floating_body(rbvp *p, const quadratic_surface *q) {
 }
 
 /* Means under the hats of the fixed patch from nodal values there: P_ik = int phi_i phi_k / a_i. */
-static double *patch_means(const rbvp *p, const uint32_t *slot, size_t count) {
+static double *patch_means(const rbvp *p, const uint32_t *node, const uint32_t *slot,
+                           size_t count) {
     double *means = allocate(count * count, sizeof *means);
     for (uint32_t t = 0; t < p->m->triangles; t++) {
         if (!all_fixed(p, t)) continue;
@@ -271,7 +295,9 @@ static double *patch_means(const rbvp *p, const uint32_t *slot, size_t count) {
         double sum = 0;
         for (size_t k = 0; k < count; k++) sum += means[i * count + k];
         for (size_t k = 0; k < count && sum > 0; k++) means[i * count + k] /= sum;
-        if (!(sum > 0)) means[i * count + i] = 1;
+        if (sum > 0 && p->on_patch[node[i]] != 0) continue;
+        memset(means + i * count, 0, count * sizeof *means);
+        means[i * count + i] = 1;
     }
     return means;
 }
@@ -313,7 +339,7 @@ static double *reactions(const rbvp *p, const uint32_t *node, size_t f, double s
     const uint32_t *on_u = node + f / 3;
     uint32_t *slot = allocate(p->m->vertices, sizeof *slot);
     for (size_t i = 0; i < held; i++) slot[on_u[i]] = (uint32_t)i;
-    double *means = patch_means(p, slot, held);
+    double *means = patch_means(p, on_u, slot, held);
     patch_modes(p, on_u, held, means);
     double *l = allocate_aligned(u * u, sizeof *l), *a = allocate_aligned((u + MODES) * width, sizeof *a);
     double(*r)[MODES] = allocate(u, sizeof *r), *z = a + u * width;

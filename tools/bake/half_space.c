@@ -28,8 +28,7 @@ half_space *half_space_build(const mesh *m, double (*normal)[3], bool averaged) 
     s->m = m;
     s->normal = normal;
     s->averaged = averaged;
-    s->offset = allocate(m->vertices + 1u, sizeof *s->offset);
-    s->triangle = allocate(3 * (size_t)m->triangles, sizeof *s->triangle);
+    mesh_stars(m, &s->offset, &s->triangle);
     s->edge = allocate(m->vertices, sizeof *s->edge);
     s->star_area = allocate(m->vertices, sizeof *s->star_area);
     gauss_legendre(POINTS, s->at, s->weight);
@@ -38,23 +37,9 @@ half_space *half_space_build(const mesh *m, double (*normal)[3], bool averaged) 
     for (uint32_t t = 0; t < m->triangles; t++) {
         double n[3];
         triangle_normal(m->x[m->t[t][0]], m->x[m->t[t][1]], m->x[m->t[t][2]], n);
-        for (int k = 0; k < 3; k++) {
-            s->offset[m->t[t][k] + 1]++;
-            s->star_area[m->t[t][k]] += v_norm(n) / 6;
-        }
+        for (int k = 0; k < 3; k++) s->star_area[m->t[t][k]] += v_norm(n) / 6;
     }
-    for (uint32_t i = 0; i < m->vertices; i++) {
-        s->offset[i + 1] += s->offset[i];
-        s->edge[i] = sqrt(s->star_area[i] / HEX_CELL);
-    }
-    uint32_t *next = allocate(m->vertices, sizeof *next);
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        for (int k = 0; k < 3; k++) {
-            uint32_t v = m->t[t][k];
-            s->triangle[s->offset[v] + next[v]++] = t;
-        }
-    }
-    free(next);
+    for (uint32_t i = 0; i < m->vertices; i++) s->edge[i] = sqrt(s->star_area[i] / HEX_CELL);
     return s;
 }
 

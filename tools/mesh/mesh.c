@@ -350,6 +350,19 @@ void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring) {
     free(pair);
 }
 
+void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle) {
+    *offset = allocate(m->vertices + 1u, sizeof **offset);
+    *triangle = allocate(3 * (size_t)m->triangles, sizeof **triangle);
+    uint32_t *next = allocate(m->vertices, sizeof *next);
+    for (size_t i = 0; i < 3 * (size_t)m->triangles; i++) (*offset)[m->t[i / 3][i % 3] + 1]++;
+    for (uint32_t v = 0; v < m->vertices; v++) (*offset)[v + 1] += (*offset)[v];
+    for (size_t i = 0; i < 3 * (size_t)m->triangles; i++) {
+        uint32_t v = m->t[i / 3][i % 3];
+        (*triangle)[(*offset)[v] + next[v]++] = (uint32_t)(i / 3);
+    }
+    free(next);
+}
+
 double mesh_volume(const mesh *m) {
     double sum = 0;
     for (uint32_t i = 0; i < m->triangles; i++) {

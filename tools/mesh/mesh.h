@@ -72,6 +72,9 @@ mesh_edge *mesh_edges(const mesh *m, uint32_t *count);
 /* Neighbours of each vertex: ring[offset[i]..offset[i+1]), ascending. */
 void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring);
 
+/* Triangles around each vertex: triangle[offset[i]..offset[i+1]), ascending. To be freed. */
+void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle);
+
 /*
  * A blob holds places in single precision, from the origin of the file: the error says so where
  * their rounding is more than 1e-4 of the points' extent, and a warning above 1e-5.

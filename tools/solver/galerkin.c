@@ -522,7 +522,8 @@ static void finish(void *context, size_t i) {
     for (size_t k = 0; k < 3; k++) g->v_weight[3 * i + k] *= own;
 }
 
-static void measure_areas(const assembly *a) {
+/* Areas and middles of hats. */
+static void measure_hats(const assembly *a) {
     const triangle_rule *rule = &a->rule[5];
     for (uint32_t t = 0; t < a->q->m->triangles; t++) {
         for (uint32_t i = 0; i < rule->points; i++) {
@@ -555,7 +556,7 @@ galerkin_matrices galerkin_assemble(const quadratic_surface *q, const galerkin_p
     a.kernel.poisson = problem->poisson;
     memcpy(a.kernel.origin, problem->origin, sizeof a.kernel.origin);
     prepare(&a);
-    measure_areas(&a);
+    measure_hats(&a);
     a.rows_d = allocate_aligned(CHUNK * 18 * order, sizeof *a.rows_d);
     a.rows_b = allocate_aligned(CHUNK * 9 * order, sizeof *a.rows_b);
     a.rows_v = allocate_aligned(CHUNK * 9 * order, sizeof *a.rows_v);
