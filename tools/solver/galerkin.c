@@ -18,7 +18,7 @@
 #define ROW_ORDER 8     /* most Gauss points in each direction of a row triangle that is near */
 #define NEAR_ORDER 7
 #define TOUCHING_LEAST 4 /* Gauss points in each direction where triangles touch */
-#define TOUCHING_MOST 10
+#define TOUCHING_MOST 16
 #define THIN 0.05 /* thickness over the body's diagonal below which bending needs more of them */
 #define CHUNK 48u  /* triangles whose rows are made before they are added up */
 #define SLICE 256u /* columns that are added up at once */
@@ -433,7 +433,7 @@ static void add_weights(const assembly *a) {
 /* Bending is what little remains of D where membranes cancel, (thickness / size)^2 of it: thin walls
  * and slender triangles need more exact integrals. */
 static uint32_t touching_order(double slender, double thin) {
-    double for_shape = floor(3 + slender);
+    double for_shape = floor(2 + 1.6 * slender);
     double for_bending = ceil(TOUCHING_LEAST + 1.5 * log2(THIN / thin) - 0.3);
     return (uint32_t)fmin(fmax(TOUCHING_LEAST, fmax(for_shape, for_bending)), TOUCHING_MOST);
 }

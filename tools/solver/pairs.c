@@ -4,6 +4,10 @@
 #include "tools/solver/gauss.h"
 #include <stdlib.h>
 
+/* Along xi the integrand is a polynomial on flat triangles: of degree 3 from the Jacobian, 2 from
+ * each shape function or curl, -1 from the kernel. */
+#define RADIAL 4u
+
 /* A place on the triangle 0 <= v <= u <= 1, corners (0, 0), (1, 0), (1, 1), over xi. */
 typedef struct {
     double u, v;
@@ -58,27 +62,28 @@ static void barycentric(double xi, place p, double corner[3]) {
 
 pair_rule pair_rule_build(uint32_t common, uint32_t n) {
     static const uint32_t images[4] = {0, CORNER_IMAGES, EDGE_IMAGES, SAME_IMAGES};
-    double node[32], weight[32];
+    double node[32], weight[32], radius[RADIAL], radial[RADIAL];
     gauss_legendre(n, node, weight);
+    gauss_legendre(RADIAL, radius, radial);
     pair_rule rule = {.groups = 0};
-    size_t most = (size_t)images[common] * n * n * n * n;
+    size_t most = (size_t)images[common] * RADIAL * n * n * n;
     rule.group = allocate(most, sizeof *rule.group);
     rule.partner = allocate(most, sizeof *rule.partner);
     for (uint32_t k = 0; k < images[common]; k++) {
         const layout *l = &layouts[common][k];
-        const uint32_t inner = l->depends == 1 ? n * n : n, outer = n * n * n * n / inner;
+        const uint32_t inner = l->depends == 1 ? n * n : n, outer = RADIAL * n * n * n / inner;
         for (uint32_t i = 0; i < outer; i++) {
             pair_group *g = &rule.group[rule.groups++];
             *g = (pair_group){.in_x = l->in_x, .first = rule.partners, .count = inner};
             for (uint32_t j = 0; j < inner; j++) {
                 const uint32_t all = i * inner + j, r = all / n / n / n, ia = all / n / n % n,
                                ib = all / n % n, ic = all % n;
-                double xi = node[r];
+                double xi = radius[r];
                 image to = image_of(common, k, node[ia], node[ib], node[ic]);
                 pair_partner *p = &rule.partner[rule.partners++];
                 if (j == 0) barycentric(xi, to.group, g->corner);
                 barycentric(xi, to.partner, p->corner);
-                p->weight = weight[r] * weight[ia] * weight[ib] * weight[ic] * xi * xi * xi *
+                p->weight = radial[r] * weight[ia] * weight[ib] * weight[ic] * xi * xi * xi *
                             to.jacobian;
             }
         }

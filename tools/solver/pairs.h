@@ -31,8 +31,8 @@ typedef struct {
     pair_partner *partner;
 } pair_rule;
 
-/* `common`: corners that the two triangles share, 1 to 3; n Gauss points in each direction, at most
- * 32. */
+/* `common`: corners that the two triangles share, 1 to 3; n Gauss points in each direction but that
+ * away from them, at most 32. */
 pair_rule pair_rule_build(uint32_t common, uint32_t n);
 void pair_rule_free(pair_rule *rule);
 
