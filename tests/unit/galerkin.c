@@ -183,8 +183,10 @@ static void test_sphere(uint32_t levels, double pressure_limit, double uniaxial_
         double *f = allocate(g.order, sizeof *f), *u = allocate(g.order, sizeof *u);
         double off = 0, most = 0, *p = nodal_field(&m, &g);
         for (size_t i = 0; i < g.order; i++) {
-            if (load == 0) f[i] = -g.area[i / 3] * m.x[i / 3][i % 3] * p[i / 3];
-            else f[i] = i % 3 == 2 ? g.area[i / 3] * m.x[i / 3][2] * p[i / 3] : 0;
+            if (load == 0)
+                f[i] = -g.area[i / 3] * m.x[i / 3][i % 3] * p[i / 3];
+            else
+                f[i] = i % 3 == 2 ? g.area[i / 3] * m.x[i / 3][2] * p[i / 3] : 0;
         }
         free(p);
         float_body(&m, &g, f, u);

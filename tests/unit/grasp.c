@@ -594,7 +594,7 @@ int main(void) {
     test_cut(5, 4);
     test_cut(8, 4);
     test_moments(&chain);
-    test_closed_path(&chain, FINEST, 0.0f, 1e-3);
+    test_closed_path(&chain, FINEST, 0.0f, 2e-3);
     test_closed_path(&chain, FINEST, 1.0f, 3e-2);
     test_closed_path(&chain, 1, 1.0f, 3e-2);
     test_pairs();

@@ -109,7 +109,8 @@ static double least_pivot(const palp_blob *b, uint32_t level) {
     for (size_t i = 0; i < order; i++) diagonal[i] = c[i * order + i];
     double least = HUGE_VAL;
     size_t done = dense_cholesky(c, order, order);
-    for (size_t i = 0; i < done; i++) least = fmin(least, c[i * order + i] * c[i * order + i] / diagonal[i]);
+    for (size_t i = 0; i < done; i++)
+        least = fmin(least, c[i * order + i] * c[i * order + i] / diagonal[i]);
     free(c);
     free(diagonal);
     free(x);

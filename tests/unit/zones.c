@@ -93,7 +93,7 @@ typedef struct {
 
 static oracle make_oracle(const zoned *model) {
     oracle o = {.model = model};
-    bem_material material = {.young_Pa = YOUNG, .poisson = POISSON};
+    bem_material material = {.young_Pa = YOUNG, .poisson = POISSON, .crisp = true};
     for (uint32_t i = 0; i < model->zones->meta->zones; i++) {
         const mesh *m = &model->part[i];
         uint8_t *fixed = allocate(m->vertices, 1);
@@ -468,7 +468,7 @@ static double bar_error(uint32_t n, const char *lines) {
     uint32_t *cell;
     mesh m = model_voxels(bar3, 3, EDGE, n, &cell);
     zoned cut = model_zones(&m, lines, 0);
-    bem_material material = {.young_Pa = YOUNG, .poisson = POISSON};
+    bem_material material = {.young_Pa = YOUNG, .poisson = POISSON, .crisp = true};
     uint8_t *fixed = allocate(m.vertices, 1);
     for (uint32_t i = 0; i < m.vertices; i++) fixed[i] = m.x[i][0] < 1e-6;
     greens g = greens_from_galerkin(&m, fixed, &material, 1000);
@@ -527,9 +527,8 @@ static void test_one_body(void) {
                 "bendings, RMS",
                 n[i]);
     for (int i = 0; i < 3; i++) {
-        two[i] = bar_error(n[i],
-                           COMMON "zone a\nfix-below x 1e-6\nzone b\ncut a b 0.02 0 0 1 0 0\n"
-                                  "joint ab fixed a b\n");
+        two[i] = bar_error(n[i], COMMON "zone a\nfix-below x 1e-6\nzone b\ncut a b 0.02 0 0 1 0 0\n"
+                                        "joint ab fixed a b\n");
         printf("# one cut, %u elements per edge: %.4f\n", n[i], two[i]);
     }
     CHECK(two[0] > two[1] && two[1] > two[2] && two[2] < 0.02,

@@ -6,6 +6,7 @@
 
 #include "port/host/args.h"
 #include "tools/bake/build.h"
+#include "tools/mesh/choose.h"
 
 #define MAX_FIXES 64
 
@@ -21,6 +22,7 @@ typedef struct {
     const char *mesh_path, *compliance;
     const char *folder; /* of the model file, for relative paths */
     bool as_is, levels_given, crisp;
+    mesh_choice choice;
     bool collocation; /* in place of Galerkin boundary elements */
     uint32_t levels, loop;
     double young_Pa, poisson, density;
@@ -30,10 +32,10 @@ typedef struct {
 
 /* For option tables. */
 #define BODY_OPTIONS                                                                               \
-    {"--mesh", 1}, {"--levels", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", 1},                 \
+    {"--mesh", 1}, {"--levels", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", -2},                \
         {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2}, {"--fix-above", 2},                \
         {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0},                 \
-        {"--method", 1}, {                                                                         \
+        {"--method", 1}, MESH_OPTIONS, {                                                           \
         "--threads", 1                                                                             \
     }
 

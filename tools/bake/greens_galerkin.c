@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/host/parallel.h"
 #include "port/host/util.h"
+#include "tools/mesh/thickness.h"
 #include "tools/bake/greens.h"
 #include "tools/bake/particular.h"
 #include "tools/solver/dense.h"
@@ -10,7 +11,7 @@
 #include <string.h>
 
 #define CREASE_COS 0.7071 /* triangles at a larger angle lie across an edge of the body */
-#define MODES 6 /* rigid motions: three translations, three rotations about the middle */
+#define MODES 6           /* rigid motions: three translations, three rotations about the middle */
 
 /*
  * The compliance of the floating body, N, and what the fixed nodes take from it. Forces f on F, mean
@@ -204,11 +205,13 @@ static void add_particular_means(const rbvp *p, const quadratic_surface *q, doub
             for (size_t c = 0; c < 3; c++) {
                 uint32_t node = p->m->t[t][c];
                 if (p->dropped[3 * (size_t)t + c] != 0) continue;
-                double share = rule.weight[i] * v_norm(normal) * rule.corner[i][c] / p->g.area[node];
+                double share =
+                    rule.weight[i] * v_norm(normal) * rule.corner[i][c] / p->g.area[node];
                 for (size_t d = 0; d < 3; d++) {
                     double particular[3];
                     particular_displacement(p->material, y, d, particular);
-                    for (size_t k = 0; k < 3; k++) to[(3 * node + k) * 3 + d] += share * particular[k];
+                    for (size_t k = 0; k < 3; k++)
+                        to[(3 * node + k) * 3 + d] += share * particular[k];
                 }
             }
         }
@@ -236,10 +239,34 @@ static void mirror_row(void *context, size_t i) {
     for (size_t j = 0; j <= i; j++) s->a[j * s->n + i] = s->a[i * s->n + j] = -s->a[i * s->n + j];
 }
 
-static void factor(double *a, size_t n, const char *what) {
+/* Names the place and the shape there: what makes the integrals fail are triangles much larger
+ * than the wall is thick, needles, and surfaces that cross. */
+_Noreturn static void die_of_shape(const mesh *m, size_t node) {
+    double *thickness = mesh_thickness(m, 1), wall = HUGE_VAL, longest = 0, slender = 0;
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        const uint32_t *v = m->t[t];
+        if (v[0] != node && v[1] != node && v[2] != node) continue;
+        double normal[3], edge = 0;
+        triangle_normal(m->x[v[0]], m->x[v[1]], m->x[v[2]], normal);
+        for (int k = 0; k < 3; k++) edge = fmax(edge, v_distance(m->x[v[k]], m->x[v[(k + 1) % 3]]));
+        wall = fmin(wall, thickness[t]);
+        longest = fmax(longest, edge);
+        slender = fmax(slender, edge * edge / v_norm(normal));
+    }
+    free(thickness);
+    die(EXIT_WORK,
+        "the surface cannot be integrated near node %zu (0-based) at (%.4g, %.4g, %.4g): the wall "
+        "is %.2g mm thick, edges are up to %.2g mm long, triangles up to %.2g times as long as "
+        "high; "
+        "refine where edges are much longer than the wall is thick, and mend needles and places "
+        "where the surface crosses itself",
+        node, m->x[node][0], m->x[node][1], m->x[node][2], 1e3 * wall, 1e3 * longest, slender);
+}
+
+/* Cholesky's factor; exits at a pivot that is not positive. `node` says whose rows they are. */
+static void factor(const mesh *m, double *a, size_t n, const uint32_t *node) {
     size_t bad = dense_cholesky(a, n, n);
-    if (bad < n)
-        die(EXIT_WORK, "%s is not positive definite at node %zu (0-based)", what, bad / 3);
+    if (bad < n) die_of_shape(m, node != NULL ? node[bad / 3] : bad / 3);
 }
 
 /* N in g.v, whole; the answer to weight in p->weight. Frees the other matrices. */
@@ -254,7 +281,7 @@ static void floating_body(rbvp *p, const quadratic_surface *q) {
     }
     project_rigid_motions(p);
     progress_begin("factorisation", (double)n);
-    factor(g->d, n, "the hypersingular operator");
+    factor(p->m, g->d, n, NULL);
     progress_end();
     parallel_for(n, transpose_row, &(square){g->b, n});
     progress_begin("Green's functions", 0);
@@ -341,17 +368,19 @@ static double *reactions(const rbvp *p, const uint32_t *node, size_t f, double s
     for (size_t i = 0; i < held; i++) slot[on_u[i]] = (uint32_t)i;
     double *means = patch_means(p, on_u, slot, held);
     patch_modes(p, on_u, held, means);
-    double *l = allocate_aligned(u * u, sizeof *l), *a = allocate_aligned((u + MODES) * width, sizeof *a);
+    double *l = allocate_aligned(u * u, sizeof *l),
+           *a = allocate_aligned((u + MODES) * width, sizeof *a);
     double(*r)[MODES] = allocate(u, sizeof *r), *z = a + u * width;
     for (size_t i = 0; i < u; i++) {
         const size_t row = sorted(node, f + i);
         for (size_t j = 0; j < f; j++) a[i * width + j] = p->g.v[row * n + sorted(node, j)];
         for (size_t j = 0; j < u; j++) l[i * u + j] = p->g.v[row * n + sorted(node, f + j)];
-        for (size_t j = 0; j < held; j++) a[i * width + f + 3 * j + i % 3] = -means[i / 3 * held + j];
+        for (size_t j = 0; j < held; j++)
+            a[i * width + f + 3 * j + i % 3] = -means[i / 3 * held + j];
         memcpy(a + i * width + n, p->weight + 3 * row, 3 * sizeof *a);
         memcpy(r[i], p->mean[row], sizeof r[i]);
     }
-    factor(l, u, "the compliance of the fixed nodes");
+    factor(p->m, l, u, on_u);
     dense_lower_solve(l, u, u, a, width, width);
     dense_lower_solve(l, u, u, r[0], MODES, MODES);
     for (size_t e = 0; e < MODES; e++) {
@@ -371,7 +400,8 @@ static double *reactions(const rbvp *p, const uint32_t *node, size_t f, double s
 static double *fix_nodes(const rbvp *p, const uint32_t *node, size_t f) {
     const size_t n = p->g.order, u = n - f, width = n + 3;
     double s6[MODES * MODES] = {0}, *a = reactions(p, node, f, s6), *z = a + u * width;
-    factor(s6, MODES, "the hold of the fixed nodes");
+    if (dense_cholesky(s6, MODES, MODES) < MODES)
+        die(EXIT_WORK, "the fixed nodes must hold the body against every translation and rotation");
     dense_lower_solve(s6, MODES, MODES, z, width, width);
     double *q = allocate_aligned(width * width, sizeof *q);
     for (size_t i = 0; i < f; i++) {
@@ -396,10 +426,11 @@ greens greens_from_galerkin(const mesh *m, const uint8_t *fixed, const bem_mater
     }
     find_patches(&p);
     quadratic_surface q = quadratic_build(m);
-    p.g = galerkin_assemble(&q, &(galerkin_problem){.young_Pa = material->young_Pa,
-                                                   .poisson = material->poisson,
-                                                   .origin = {p.origin[0], p.origin[1], p.origin[2]},
-                                                   .dropped = p.dropped});
+    p.g =
+        galerkin_assemble(&q, &(galerkin_problem){.young_Pa = material->young_Pa,
+                                                  .poisson = material->poisson,
+                                                  .origin = {p.origin[0], p.origin[1], p.origin[2]},
+                                                  .dropped = p.dropped});
     find_modes(&p);
     floating_body(&p, &q);
     quadratic_free(&q);
@@ -407,7 +438,12 @@ greens greens_from_galerkin(const mesh *m, const uint8_t *fixed, const bem_mater
     uint32_t *node = sort_nodes(&p, &free_count);
     double *sum = fix_nodes(&p, node, 3 * free_count);
     galerkin_free(&p.g);
-    greens g = {.nodes = m->vertices, .width = width, .fixed = fixed, .gravity = true, .reactions = true, .averaged = true};
+    greens g = {.nodes = m->vertices,
+                .width = width,
+                .fixed = fixed,
+                .gravity = true,
+                .reactions = true,
+                .averaged = true};
     g.m = allocate_aligned(n * width, sizeof *g.m);
     for (size_t i = 0; i < width; i++) {
         for (size_t j = 0; j <= i; j++) {

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NEAR_EDGES 2.6       /* distance up to which hats are integrated over */
-#define POINTS 5u            /* Gauss points along each side of the Duffy square */
-#define PAIR_POINTS 3u       /* in each direction where two triangles touch */
+#define NEAR_EDGES 2.6              /* distance up to which hats are integrated over */
+#define POINTS 5u                   /* Gauss points along each side of the Duffy square */
+#define PAIR_POINTS 3u              /* in each direction where two triangles touch */
 #define HEX_CELL 0.8660254037844386 /* area of a node of a regular lattice over its edge squared */
 
 struct half_space {
@@ -45,8 +45,8 @@ half_space *half_space_build(const mesh *m, double (*normal)[3], bool averaged) 
 
 void half_space_free(half_space *s) {
     for (uint32_t c = 1; c <= 3; c++) pair_rule_free(&s->touching[c]);
-    void *owned[] = {s->offset, s->triangle, s->edge, s->star_area, s->apart.corner,
-                     s->apart.weight, s};
+    void *owned[] = {s->offset,       s->triangle,     s->edge, s->star_area,
+                     s->apart.corner, s->apart.weight, s};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
 

@@ -7,6 +7,7 @@
 #include <stdbool.h>
 
 int command_bake(int argc, char **argv);
+int command_check(int argc, char **argv);
 int command_fill(int argc, char **argv);
 int command_info(int argc, char **argv);
 int command_solve(int argc, char **argv);

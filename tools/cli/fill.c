@@ -3,6 +3,7 @@
 #include "tools/cli/commands.h"
 #include "port/host/args.h"
 #include "port/host/parallel.h"
+#include "tools/mesh/choose.h"
 #include "tools/tet/stuffing.h"
 #include "port/host/util.h"
 #include <inttypes.h>
@@ -14,13 +15,15 @@ static const char help[] =
     "\n"
     "Fills a closed surface with tetrahedra by isosurface stuffing and says how good they are.\n"
     "  --nodes N     about that many nodes (repeatable: a mesh for each)\n"
-    "  -o OUT.mesh   Medit's text format; of several resolutions OUT-0.mesh, OUT-1.mesh, ..\n";
+    "  -o OUT.mesh   Medit's text format; of several resolutions OUT-0.mesh, OUT-1.mesh, "
+    "..\n" MESH_HELP;
 
-static const option options[] = {{"--nodes", 1}, {"-o", 1}, {NULL, 0}};
+static const option options[] = {{"--nodes", 1}, {"-o", 1}, MESH_OPTIONS, {NULL, 0}};
 
 typedef struct {
     const char *input, *output;
     uint32_t nodes[TET_LEVELS], count;
+    mesh_choice choice;
 } fill_spec;
 
 static void set_option(void *context, const argument *a) {
@@ -32,7 +35,7 @@ static void set_option(void *context, const argument *a) {
         if (s->count == TET_LEVELS)
             die(EXIT_USAGE, "%s: more than %d resolutions", a->where, TET_LEVELS);
         s->nodes[s->count++] = arg_u32(a, 0, 8, 1000000);
-    } else {
+    } else if (!mesh_option(&s->choice, a)) {
         s->output = a->value[0];
     }
 }
@@ -45,7 +48,7 @@ int command_fill(int argc, char **argv) {
     bool piped = s.output != NULL && strcmp(s.output, "-") == 0;
     if (piped && s.count > 1) die(EXIT_USAGE, "-o: several meshes need a name, not '-'");
     FILE *table = piped ? stderr : stdout;
-    mesh surface = mesh_load(s.input);
+    mesh surface = mesh_load_as(s.input, &s.choice);
     (void)mesh_drop_unused(&surface);
     uint32_t filled = mesh_fill_holes(&surface, 1);
     if (filled > 0) warn("%s: %" PRIu32 " hole(s) closed", s.input, filled);

@@ -16,6 +16,7 @@ static const struct {
     const char *summary;
 } commands[] = {
     {"remesh", command_remesh, "turn a triangle mesh into one with subdivision connectivity"},
+    {"check", command_check, "say what a mesh is and what bake will do with it"},
     {"subdivide", command_subdivide, "refine a control mesh by Loop's scheme"},
     {"bake", command_bake, "compute and compress Green's functions: mesh in, blob out"},
     {"fill", command_fill, "fill a surface with tetrahedra, and say how good they are"},

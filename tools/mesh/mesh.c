@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/mesh.h"
 #include "port/host/util.h"
+#include "tools/mesh/components.h"
 #include <float.h>
 #include <inttypes.h>
 #include <math.h>
@@ -232,13 +233,16 @@ static void orient(mesh *m, const char *path, uint32_t (*neighbour)[3]) {
             queue[tail++] = j;
         }
     }
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        if (!seen[i]) {
+    if (tail < m->triangles) {
+        mesh_components c = mesh_find_components(m);
+        if (c.count > 1) {
             die(EXIT_WORK,
-                "%s: the mesh has several components: triangle %" PRIu32
-                " (0-based) is not connected to triangle 0; keep one closed surface",
-                path, i);
+                "%s: the mesh has several components: %" PRIu32 ", of %" PRIu32 " and %" PRIu32
+                " triangles%s: keep one by --largest or --component N",
+                path, c.count, c.triangles[0], c.triangles[1], c.count > 2 ? ", .." : "");
         }
+        die(EXIT_WORK, "%s: the mesh has several components that touch in a vertex: split it there",
+            path);
     }
     free(queue);
     free(seen);
@@ -373,18 +377,24 @@ double mesh_volume(const mesh *m) {
     return sum / 6;
 }
 
-static double diagonal_of(double (*x)[3], uint32_t count) {
-    double lo[3], hi[3];
-    memcpy(lo, x[0], sizeof lo);
-    memcpy(hi, x[0], sizeof hi);
-    for (uint32_t i = 1; i < count; i++) {
-        for (int k = 0; k < 3; k++) {
-            lo[k] = fmin(lo[k], x[i][k]);
-            hi[k] = fmax(hi[k], x[i][k]);
+static void extent_of(double (*x)[3], uint32_t count, double size[3]) {
+    for (int k = 0; k < 3; k++) {
+        double lo = x[0][k], hi = lo;
+        for (uint32_t i = 1; i < count; i++) {
+            lo = fmin(lo, x[i][k]);
+            hi = fmax(hi, x[i][k]);
         }
+        size[k] = hi - lo;
     }
-    return v_distance(lo, hi);
 }
+
+static double diagonal_of(double (*x)[3], uint32_t count) {
+    double size[3];
+    extent_of(x, count, size);
+    return v_norm(size);
+}
+
+void mesh_extent(const mesh *m, double size[3]) { extent_of(m->x, m->vertices, size); }
 
 double mesh_diagonal(const mesh *m) { return diagonal_of(m->x, m->vertices); }
 

@@ -23,6 +23,7 @@ typedef struct {
     uint32_t welded;    /* vertices at the place of another */
     uint32_t slivers;   /* triangles without area */
     uint32_t junctions; /* vertices that lie on an edge of another triangle */
+    uint32_t split;     /* vertices added where the surface touches itself */
     double within_m;    /* how near counts as the same place */
 } mesh_mended;
 
@@ -82,6 +83,7 @@ void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle);
 void require_near_origin(double (*x)[3], uint32_t count, const char *path);
 
 double mesh_volume(const mesh *m);
+void mesh_extent(const mesh *m, double size[3]); /* of the bounding box */
 double mesh_diagonal(const mesh *m);
 double mesh_mean_edge(const mesh *m);
 /* Integral of each vertex' hat function (MR 4) and the angle-weighted outward unit normals. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/meshmend.h"
 #include "port/host/util.h"
+#include "tools/mesh/meshsplit.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
@@ -253,7 +254,10 @@ void mesh_mend(mesh *m, mesh_mended *mended) {
         cut = cut_once(m, within);
         mended->junctions += cut;
     }
+    mended->split += mesh_split_touching(m);
 }
+
+uint32_t mesh_turn_slivers(mesh *m) { return turn_slivers(m, SAME * mesh_diagonal(m)); }
 
 static void add(char *text, size_t size, uint32_t count, const char *what) {
     const size_t used = strlen(text);
@@ -269,6 +273,7 @@ void mesh_report_mended(const char *path, const mesh_mended *mended) {
     add(text, sizeof text, mended->welded, "vertices welded to others at the same place");
     add(text, sizeof text, mended->slivers, "triangles without area turned");
     add(text, sizeof text, mended->junctions, "triangles cut at a vertex on their edge");
+    add(text, sizeof text, mended->split, "vertices added where the surface touches itself");
     if (text[0] != '\0')
         warn("%s: mended: %s (the same place: within %.2g)", path, text, mended->within_m);
 }

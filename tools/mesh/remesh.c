@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/remesh.h"
+#include "tools/mesh/choose.h"
+#include "tools/mesh/meshmend.h"
 #include "port/host/args.h"
 #include "tools/mesh/bvh.h"
 #include "tools/mesh/semireg.h"
@@ -329,9 +331,11 @@ static double side(const double a[3], const double b[3], const double c[3], cons
     return v_dot(n, d);
 }
 
+/* `least`: six times the volume that counts as no volume, so that what only touches does not meet. */
 static bool segment_meets(const double p[3], const double q[3], const double a[3],
-                          const double b[3], const double c[3]) {
-    if (side(a, b, c, p) * side(a, b, c, q) >= 0) return false;
+                          const double b[3], const double c[3], double least) {
+    double at_p = side(a, b, c, p), at_q = side(a, b, c, q);
+    if (at_p * at_q >= 0 || fabs(at_p) <= least || fabs(at_q) <= least) return false;
     double u = side(p, q, a, b), v = side(p, q, b, c), w = side(p, q, c, a);
     return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
 }
@@ -345,20 +349,48 @@ static bool share_vertex(const uint32_t s[3], const uint32_t t[3]) {
     return false;
 }
 
-/* Index of a triangle of the base that another one cuts, or UINT32_MAX. */
+typedef struct {
+    double low, high; /* along x */
+    uint32_t triangle;
+} span;
+
+static int compare_spans(const void *a, const void *b) {
+    const span *p = a, *q = b;
+    return p->low < q->low ? -1 : p->low > q->low;
+}
+
+static bool triangles_meet(const mesh *m, uint32_t i, uint32_t j, double least) {
+    const uint32_t *s = m->t[i], *t = m->t[j];
+    if (share_vertex(s, t)) return false;
+    for (int k = 0; k < 3; k++) {
+        if (segment_meets(m->x[s[k]], m->x[s[(k + 1) % 3]], m->x[t[0]], m->x[t[1]], m->x[t[2]],
+                          least) ||
+            segment_meets(m->x[t[k]], m->x[t[(k + 1) % 3]], m->x[s[0]], m->x[s[1]], m->x[s[2]],
+                          least))
+            return true;
+    }
+    return false;
+}
+
+/* A triangle that another one cuts, or UINT32_MAX. */
 static uint32_t self_intersection(const mesh *m) {
+    const double diagonal = mesh_diagonal(m), least = 1e-12 * diagonal * diagonal * diagonal;
+    span *spans = allocate(m->triangles, sizeof *spans);
+    uint32_t found = UINT32_MAX;
     for (uint32_t i = 0; i < m->triangles; i++) {
-        for (uint32_t j = 0; j < m->triangles; j++) {
-            const uint32_t *s = m->t[i], *t = m->t[j];
-            if (i == j || share_vertex(s, t)) continue;
-            for (int k = 0; k < 3; k++) {
-                if (segment_meets(m->x[s[k]], m->x[s[(k + 1) % 3]], m->x[t[0]], m->x[t[1]],
-                                  m->x[t[2]]))
-                    return i;
-            }
+        const double a = m->x[m->t[i][0]][0], b = m->x[m->t[i][1]][0], c = m->x[m->t[i][2]][0];
+        spans[i] = (span){fmin(a, fmin(b, c)), fmax(a, fmax(b, c)), i};
+    }
+    qsort(spans, m->triangles, sizeof *spans, compare_spans);
+    for (uint32_t i = 0; i < m->triangles && found == UINT32_MAX; i++) {
+        for (uint32_t j = i + 1; j < m->triangles && spans[j].low <= spans[i].high; j++) {
+            if (!triangles_meet(m, spans[i].triangle, spans[j].triangle, least)) continue;
+            found = spans[i].triangle;
+            break;
         }
     }
-    return UINT32_MAX;
+    free(spans);
+    return found;
 }
 
 /* Distances from the vertices, edge midpoints and centroids of `m` to the surface, weighted by
@@ -417,16 +449,19 @@ static bool better(const remesh_report *a, const remesh_report *b) {
 
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
             remesh_report *report) {
-    static const uint32_t targets[] = {64, 80, 96, 128, 160, 220, 300, 420};
+    static const uint32_t targets[] = {64, 80, 96, 128, 160, 220, 300, 420, 640, 960, 1400};
+    enum { USUAL = 8 }; /* more only where none of these gave a mesh */
     size_t tries = base_triangles > 0 ? 1 : sizeof targets / sizeof targets[0];
     remesh_report r = {0}, best_report = {.flipped = UINT32_MAX, .max = HUGE_VAL};
     mesh best = {0};
     uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
     r.filled = mesh_fill_holes(in, HOLE_LIMIT);
+    if (r.filled > 0) (void)mesh_turn_slivers(in);
     mesh_require_closed(in, path);
     bvh *surface = bvh_build(in);
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
+        if (i >= USUAL && best.x != NULL) break;
         uint32_t target = base_triangles > 0 ? base_triangles : targets[i];
         mesh dense = split_longest(in, target);
         bvh *facing = bvh_build(&dense);
@@ -453,10 +488,19 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     }
     bvh_free(surface);
     if (best.x == NULL) {
+        uint32_t own = self_intersection(in);
+        if (own != UINT32_MAX) {
+            const double *x = in->x[in->t[own][0]];
+            die(EXIT_WORK,
+                "%s: the surface crosses itself near (%.4g, %.4g, %.4g), triangle %" PRIu32
+                " (0-based): repair it there",
+                path, x[0], x[1], x[2], own);
+        }
         die(EXIT_WORK,
-            "%s: every base mesh intersects itself (last at base triangle %" PRIu32
-            "): use more --base-faces",
-            path, cut);
+            "%s: every base mesh of up to %" PRIu32 " triangles intersects itself, the last at its "
+            "triangle %" PRIu32 ": the shape has walls too thin or holes too small for remeshing; "
+            "bake the mesh with --as-is, or try --base-faces with more",
+            path, r.base_triangles, cut);
     }
     if (report != NULL) *report = best_report;
     return best;
@@ -473,18 +517,21 @@ static const char remesh_help[] =
     "small holes\n"
     "closed. Without --base-faces the base is the coarsest that stays within 0.5 % (mean) and 4 % "
     "(max) of the\n"
-    "bounding box diagonal.\n";
+    "bounding box diagonal.\n" MESH_HELP;
 
 static const char subdivide_help[] =
     "usage: palp subdivide IN.(obj|stl|ply) -o OUT.obj [--levels 3]\n"
     "\n"
-    "Refines a closed control mesh by Loop's scheme; vertices stay in coarse-to-fine order.\n";
+    "Refines a closed control mesh by Loop's scheme; vertices stay in coarse-to-fine "
+    "order.\n" MESH_HELP;
 
-static const option remesh_options[] = {{"-o", 1}, {"--levels", 1}, {"--base-faces", 1}, {NULL, 0}};
+static const option remesh_options[] = {
+    {"-o", 1}, {"--levels", 1}, {"--base-faces", 1}, MESH_OPTIONS, {NULL, 0}};
 
 typedef struct {
     const char *input, *output;
     uint32_t levels, base_faces;
+    mesh_choice choice;
 } remesh_spec;
 
 static void set_option(void *context, const argument *a) {
@@ -496,7 +543,7 @@ static void set_option(void *context, const argument *a) {
         s->output = a->value[0];
     } else if (strcmp(a->option, "--levels") == 0) {
         s->levels = arg_u32(a, 0, 0, 8);
-    } else {
+    } else if (!mesh_option(&s->choice, a)) {
         s->base_faces = arg_u32(a, 0, 4, 1000000);
     }
 }
@@ -513,7 +560,7 @@ static remesh_spec parse(int argc, char **argv, const option *table, const char 
 
 int command_remesh(int argc, char **argv) {
     remesh_spec s = parse(argc, argv, remesh_options, remesh_help);
-    mesh in = mesh_load(s.input);
+    mesh in = mesh_load_as(s.input, &s.choice);
     remesh_report r;
     mesh m = remesh(&in, s.input, s.levels, s.base_faces, &r);
     if (r.flipped > 0) {
@@ -526,6 +573,10 @@ int command_remesh(int argc, char **argv) {
             in.triangles);
     if (r.dropped > 0) fprintf(say, ", %" PRIu32 " unused vertices dropped", r.dropped);
     if (r.filled > 0) fprintf(say, ", %" PRIu32 " hole(s) closed", r.filled);
+    double size[3];
+    mesh_extent(&m, size);
+    fprintf(say, "\nsize                  %.3g x %.3g x %.3g cm", 100 * size[0], 100 * size[1],
+            100 * size[2]);
     fprintf(say, "\nbase                  %" PRIu32 " triangles, %" PRIu32 " refinement(s)\n",
             r.base_triangles, s.levels);
     fprintf(say, "result                %" PRIu32 " vertices, %" PRIu32 " triangles\n", m.vertices,
@@ -544,9 +595,9 @@ int command_remesh(int argc, char **argv) {
 }
 
 int command_subdivide(int argc, char **argv) {
-    static const option table[] = {{"-o", 1}, {"--levels", 1}, {NULL, 0}};
+    static const option table[] = {{"-o", 1}, {"--levels", 1}, MESH_OPTIONS, {NULL, 0}};
     remesh_spec s = parse(argc, argv, table, subdivide_help);
-    mesh m = mesh_load(s.input);
+    mesh m = mesh_load_as(s.input, &s.choice);
     mesh_require_closed(&m, s.input);
     for (uint32_t l = 0; l < s.levels; l++) {
         mesh finer = subdivide_loop(&m);

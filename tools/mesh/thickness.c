@@ -38,8 +38,8 @@ static void measure(void *context, size_t i) {
     for (int k = 0; k < 3; k++) x[k] = (m->x[v[0]][k] + m->x[v[1]][k] + m->x[v[2]][k]) / 3;
     for (uint32_t t = 0; t < m->triangles; t++) {
         if (t == own) continue;
-        nearest = fmin(nearest, ray_distance(x, d, m->x[m->t[t][0]], m->x[m->t[t][1]],
-                                             m->x[m->t[t][2]]));
+        nearest =
+            fmin(nearest, ray_distance(x, d, m->x[m->t[t][0]], m->x[m->t[t][1]], m->x[m->t[t][2]]));
     }
     s->thickness[i] = nearest;
 }

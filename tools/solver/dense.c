@@ -87,7 +87,8 @@ static void pack_rows(const product *p, size_t row, size_t rows, double *to) {
     for (size_t strip = 0; strip < rows; strip += height) {
         for (size_t k = 0; k < p->k; k++) {
             for (size_t i = 0; i < height; i++) {
-                *to++ = strip + i < rows ? p->a.at[(row + strip + i) * p->a.row + k * p->a.step] : 0.0;
+                *to++ =
+                    strip + i < rows ? p->a.at[(row + strip + i) * p->a.row + k * p->a.step] : 0.0;
             }
         }
     }
@@ -369,8 +370,8 @@ static void solve_lower_transposed(const double *l, size_t stride, double *b, si
     size_t half = n / 2;
     solve_lower_transposed(l + half * stride + half, stride, b + half * b_stride, b_stride,
                            n - half, m);
-    subtract(b, b_stride, (view){l + half * stride, 1, stride}, (view){b + half * b_stride, b_stride, 1},
-             half, m, n - half);
+    subtract(b, b_stride, (view){l + half * stride, 1, stride},
+             (view){b + half * b_stride, b_stride, 1}, half, m, n - half);
     solve_lower_transposed(l, stride, b, b_stride, half, m);
 }
 

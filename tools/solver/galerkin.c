@@ -12,14 +12,14 @@
 
 #define PI 3.14159265358979323846
 #define TOLERANCE 1e-4
-#define KEPT_ORDERS 6   /* the points of rules up to this order are kept at every triangle */
-#define FAR_ORDER 4     /* most, of pairs whose distance is not looked at closely */
-#define FAR_POINTS 3    /* of order 2, by far the most frequent */
-#define ROW_ORDER 8     /* most Gauss points in each direction of a row triangle that is near */
+#define KEPT_ORDERS 6 /* the points of rules up to this order are kept at every triangle */
+#define FAR_ORDER 4   /* most, of pairs whose distance is not looked at closely */
+#define FAR_POINTS 3  /* of order 2, by far the most frequent */
+#define ROW_ORDER 8   /* most Gauss points in each direction of a row triangle that is near */
 #define NEAR_ORDER 7
 #define TOUCHING_LEAST 4 /* Gauss points in each direction where triangles touch */
 #define TOUCHING_MOST 16
-#define THIN 0.05 /* thickness over the body's diagonal below which bending needs more of them */
+#define THIN 0.05  /* thickness over the body's diagonal below which bending needs more of them */
 #define CHUNK 48u  /* triangles whose rows are made before they are added up */
 #define SLICE 256u /* columns that are added up at once */
 
@@ -31,12 +31,12 @@ typedef struct {
 /* The sums of one row triangle. */
 typedef struct {
     uint32_t row;
-    double (*node)[ROW_LANES];              /* [vertices + edges] */
+    double (*node)[ROW_LANES];               /* [vertices + edges] */
     double (*far)[FAR_POINTS][SOURCE_LANES]; /* the same, at the row's far points */
-    double (*hat)[3][OUTER_LANES];          /* [vertices] */
-    double weight[3][3][3];                 /* [corner][axis][direction] */
-    uint8_t *used;                          /* [edges]: middles that have near sums */
-    surface_point *y;                       /* room for near pairs */
+    double (*hat)[3][OUTER_LANES];           /* [vertices] */
+    double weight[3][3][3];                  /* [corner][axis][direction] */
+    uint8_t *used;                           /* [edges]: middles that have near sums */
+    surface_point *y;                        /* room for near pairs */
 } row_sums;
 
 typedef struct {
@@ -83,7 +83,8 @@ static void add_pair_sums(const assembly *a, row_sums *to, uint32_t source, pair
             lane[e] += (e < ROW_POLYNOMIALS * D_LANES ? lower : 1) * s->node[c][e];
     }
     add_hats(a, to, source, s->hat, lower);
-    for (int e = 0; e < 27; e++) to->weight[e / 9][e / 3 % 3][e % 3] += s->weight[e / 9][e / 3 % 3][e % 3];
+    for (int e = 0; e < 27; e++)
+        to->weight[e / 9][e / 3 % 3][e % 3] += s->weight[e / 9][e / 3 % 3][e % 3];
 }
 
 /* ---- three kinds of pairs ---- */
@@ -193,7 +194,8 @@ WIDE static void fold(const quadratic_surface *q, uint32_t edge, double *sums, u
 /* Takes what was summed at the far points to the lanes of D, or to those of B. */
 WIDE static void take_far(const assembly *a, row_sums *to, bool to_d) {
     const surface_point *x = a->kept[2] + (size_t)to->row * FAR_POINTS;
-    for (uint32_t e = 0; e < a->q->edges; e++) fold(a->q, e, to->far[0][0], FAR_POINTS * SOURCE_LANES);
+    for (uint32_t e = 0; e < a->q->edges; e++)
+        fold(a->q, e, to->far[0][0], FAR_POINTS * SOURCE_LANES);
     for (size_t i = 0; i < a->q->m->vertices; i++) {
         for (int p = 0; p < FAR_POINTS; p++) {
             const double *from = to->far[i][p];
@@ -213,7 +215,8 @@ WIDE static void take_far(const assembly *a, row_sums *to, bool to_d) {
 }
 
 /* The common corners first, in the same order: order_x[i] and order_y[i] are the same vertex. */
-static uint32_t match_corners(const uint32_t *x, const uint32_t *y, int order_x[3], int order_y[3]) {
+static uint32_t match_corners(const uint32_t *x, const uint32_t *y, int order_x[3],
+                              int order_y[3]) {
     uint32_t common = 0;
     bool used_x[3] = {0}, used_y[3] = {0};
     for (int i = 0; i < 3; i++) {
@@ -236,8 +239,7 @@ static uint32_t match_corners(const uint32_t *x, const uint32_t *y, int order_x[
 static void add_pair(const assembly *a, row_sums *to, uint32_t source) {
     double lower = source < to->row ? 1 : source == to->row ? 0.5 : 0;
     int order_x[3], order_y[3];
-    uint32_t common =
-        match_corners(a->q->m->t[to->row], a->q->m->t[source], order_x, order_y);
+    uint32_t common = match_corners(a->q->m->t[to->row], a->q->m->t[source], order_x, order_y);
     if (common > 0) {
         add_touching(a, to, source, common, order_x, order_y, lower);
         return;
@@ -245,8 +247,10 @@ static void add_pair(const assembly *a, row_sums *to, uint32_t source) {
     const triangle_size *x = &a->size[to->row], *y = &a->size[source];
     double gap = v_distance(x->center, y->center) - x->radius - y->radius;
     uint32_t order = gap > 0 ? gauss_order(2 * gap / fmax(x->longest, y->longest), TOLERANCE) : 64;
-    if (order > FAR_ORDER) add_near(a, to, source, lower);
-    else add_far(a, to, source, order, lower);
+    if (order > FAR_ORDER)
+        add_near(a, to, source, lower);
+    else
+        add_far(a, to, source, order, lower);
 }
 
 /* ---- the rows of one triangle ---- */
@@ -259,7 +263,8 @@ static void add_mass(const assembly *a, row_sums *to) {
         for (int c = 0; c < 6; c++) {
             if (c >= 3) to->used[a->q->edge[to->row][c - 3]] = 1;
             for (int b = 0; b < 3; b++)
-                to->node[source_node(a->q, to->row, c)][ROW_POLYNOMIALS * D_LANES + b * B_LANES + 9] -=
+                to->node[source_node(a->q, to->row, c)]
+                        [ROW_POLYNOMIALS * D_LANES + b * B_LANES + 9] -=
                     2 * PI * x.weight * x.jacobian * x.corner[b] * x.n[c];
         }
     }
@@ -274,7 +279,7 @@ static void add_mass(const assembly *a, row_sums *to) {
 WIDE static void rows_of_d(const assembly *a, const row_sums *s, double *rows) {
     const double nu = a->problem->poisson;
     const double both = a->problem->young_Pa / (2 * (1 + nu)) / (4 * PI), curl = -both / (1 - nu);
-    static const double at[6][3] = {{1, 0, 0},    {0, 1, 0},    {0, 0, 1},
+    static const double at[6][3] = {{1, 0, 0},   {0, 1, 0},   {0, 0, 1},
                                     {0, .5, .5}, {.5, 0, .5}, {.5, .5, 0}};
     double c[ROW_POLYNOMIALS][3][6]; /* [p][k][t] */
     for (int p = 0; p < ROW_POLYNOMIALS; p++) {
@@ -296,8 +301,10 @@ WIDE static void rows_of_d(const assembly *a, const row_sums *s, double *rows) {
                     double lq = both * l[q], q0 = curl * lane[q], q1 = curl * lane[3 + q],
                            q2 = curl * lane[6 + q];
                     block[q][t] += (q == 0 ? twice : 0) - c0[t] * lq + (q1 * c2[t] - q2 * c1[t]);
-                    block[3 + q][t] += (q == 1 ? twice : 0) - c1[t] * lq + (q2 * c0[t] - q0 * c2[t]);
-                    block[6 + q][t] += (q == 2 ? twice : 0) - c2[t] * lq + (q0 * c1[t] - q1 * c0[t]);
+                    block[3 + q][t] +=
+                        (q == 1 ? twice : 0) - c1[t] * lq + (q2 * c0[t] - q0 * c2[t]);
+                    block[6 + q][t] +=
+                        (q == 2 ? twice : 0) - c2[t] * lq + (q0 * c1[t] - q1 * c0[t]);
                 }
             }
         }
@@ -483,7 +490,7 @@ static void prepare(assembly *a) {
         for (size_t i = 0; i < (size_t)m->triangles * rule->points; i++) {
             size_t p = i % rule->points;
             a->kept[n][i] = surface_point_at(a->q, (uint32_t)(i / rule->points), rule->corner[p],
-                                            rule->weight[p]);
+                                             rule->weight[p]);
         }
     }
 }
@@ -499,7 +506,8 @@ static void release(assembly *a) {
             pair_rule_free(&a->touching[c][n]);
     }
     for (size_t w = 0; w < a->workers; w++) {
-        void *room[] = {a->sums[w].node, a->sums[w].far, a->sums[w].hat, a->sums[w].used, a->sums[w].y};
+        void *room[] = {a->sums[w].node, a->sums[w].far, a->sums[w].hat, a->sums[w].used,
+                        a->sums[w].y};
         for (size_t i = 0; i < sizeof room / sizeof room[0]; i++) free(room[i]);
     }
     void *owned[] = {a->sums, a->size, a->rows_d, a->rows_b, a->rows_v, a->weight_b, a->weight_v};

@@ -52,7 +52,8 @@ triangle_rule triangle_rule_collapsed(uint32_t n) {
 /* Adds the three places (a, a, 1 - 2 a), or with b the six of (a, b, 1 - a - b). */
 static void add_orbit(triangle_rule *r, double a, double b, double weight) {
     const double c[3] = {a, b, 1 - a - b};
-    static const int order[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {1, 0, 2}, {0, 2, 1}, {2, 1, 0}};
+    static const int order[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1},
+                                    {1, 0, 2}, {0, 2, 1}, {2, 1, 0}};
     for (int i = 0; i < (fabs(a - b) > 0 ? 6 : 3); i++) {
         for (int k = 0; k < 3; k++) r->corner[r->points][k] = c[order[i][k]];
         r->weight[r->points++] = 0.5 * weight;

@@ -13,21 +13,21 @@
 #include "tools/solver/gauss.h"
 
 /* Without fused multiply-adds wider vectors give the same bits. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) &&                             \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #else
 #define WIDE
 #endif
 
 enum {
-    SOURCE_LAYER = 12,   /* where the double layer of 1 / |r| stands, behind 9 + 3 lanes */
+    SOURCE_LAYER = 12, /* where the double layer of 1 / |r| stands, behind 9 + 3 lanes */
     SOURCE_LANES = 13,
     ROW_POLYNOMIALS = 6, /* shape functions of the row triangle */
     D_LANES = 12,        /* X (c x e_q), [k][q], and c / |r| */
     B_LANES = 10,        /* X (c x e_q) and the double layer */
     ROW_LANES = ROW_POLYNOMIALS * D_LANES + 3 * B_LANES,
-    OUTER_LANES = 6      /* r r^T / |r|^3: xx yy zz yz xz xy; their trace is 1 / |r| */
+    OUTER_LANES = 6 /* r r^T / |r|^3: xx yy zz yz xz xy; their trace is 1 / |r| */
 };
 
 /* A point of a curved triangle; derivatives along corner 0 -> 1 and 0 -> 2. */

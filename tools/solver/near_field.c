@@ -69,8 +69,8 @@ double triangle_distance(const double *const p[3], const double *const q[3]) {
     return nearest;
 }
 
-uint32_t near_points(const quadratic_surface *q, uint32_t triangle, const double apex[3], double gap,
-                     uint32_t n, surface_point *to) {
+uint32_t near_points(const quadratic_surface *q, uint32_t triangle, const double apex[3],
+                     double gap, uint32_t n, surface_point *to) {
     double node[32], weight[32], at[3] = {0};
     const double *c[3];
     uint32_t count = 0;

@@ -17,7 +17,7 @@ double triangle_distance(const double *const p[3], const double *const q[3]);
  * to Gauss' points (Johnston and Elliott, Int. J. Numer. Meth. Engng 62, 2005). Room for 3 n^2
  * points; returns how many.
  */
-uint32_t near_points(const quadratic_surface *q, uint32_t triangle, const double apex[3], double gap,
-                     uint32_t n, surface_point *to);
+uint32_t near_points(const quadratic_surface *q, uint32_t triangle, const double apex[3],
+                     double gap, uint32_t n, surface_point *to);
 
 #endif

@@ -38,19 +38,26 @@ static image image_of(uint32_t common, uint32_t which, double a, double b, doubl
     if (common == 1) return (image){{1, a}, {b, b * c}, b};
     if (common == 2) {
         switch (which) {
-        case 0: return (image){{1, a * b}, {1 - a * c, a * (1 - c)}, a * a};
+        case 0:
+            return (image){{1, a * b}, {1 - a * c, a * (1 - c)}, a * a};
         case 1:
-        case 3: return (image){{1, a}, {1 - a * b * c, a * b * (1 - c)}, a * a * b};
-        case 2: return (image){{1 - a * b, a * (1 - b)}, {1, a * b * c}, a * a * b};
-        default: return (image){{1, a * b}, {1 - a * b * c, a * (1 - b * c)}, a * a * b};
+        case 3:
+            return (image){{1, a}, {1 - a * b * c, a * b * (1 - c)}, a * a * b};
+        case 2:
+            return (image){{1 - a * b, a * (1 - b)}, {1, a * b * c}, a * a * b};
+        default:
+            return (image){{1, a * b}, {1 - a * b * c, a * (1 - b * c)}, a * a * b};
         }
     }
     switch (which) {
     case 0:
-    case 1: return (image){{1, 1 - a + a * b}, {1 - a * b * c, 1 - a}, a * a * b};
+    case 1:
+        return (image){{1, 1 - a + a * b}, {1 - a * b * c, 1 - a}, a * a * b};
     case 2:
-    case 3: return (image){{1 - a * b, a * (1 - b)}, {1, a * (1 - b + b * c)}, a * a * b};
-    default: return (image){{1, a * (1 - b)}, {1 - a * b * c, a * (1 - b * c)}, a * a * b};
+    case 3:
+        return (image){{1 - a * b, a * (1 - b)}, {1, a * (1 - b + b * c)}, a * a * b};
+    default:
+        return (image){{1, a * (1 - b)}, {1 - a * b * c, a * (1 - b * c)}, a * a * b};
     }
 }
 
@@ -83,8 +90,8 @@ pair_rule pair_rule_build(uint32_t common, uint32_t n) {
                 pair_partner *p = &rule.partner[rule.partners++];
                 if (j == 0) barycentric(xi, to.group, g->corner);
                 barycentric(xi, to.partner, p->corner);
-                p->weight = radial[r] * weight[ia] * weight[ib] * weight[ic] * xi * xi * xi *
-                            to.jacobian;
+                p->weight =
+                    radial[r] * weight[ia] * weight[ib] * weight[ic] * xi * xi * xi * to.jacobian;
             }
         }
     }

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SMOOTH_COS 0.7071      /* triangles whose normals differ by less lie on one smooth piece */
-#define ENOUGH 6               /* neighbours that determine a quadratic polynomial */
-#define MAX_PATCH 96           /* triangles of a patch */
-#define TERMS 5                /* s, t, s^2 / 2, s t, t^2 / 2 */
-#define RIDGE 1e-3             /* on the second derivatives that the neighbours leave open */
-#define LARGEST_OFFSET 0.13    /* of a middle from its chord, over the edge: an arc of 60 degrees */
+#define SMOOTH_COS 0.7071   /* triangles whose normals differ by less lie on one smooth piece */
+#define ENOUGH 6            /* neighbours that determine a quadratic polynomial */
+#define MAX_PATCH 96        /* triangles of a patch */
+#define TERMS 5             /* s, t, s^2 / 2, s t, t^2 / 2 */
+#define RIDGE 1e-3          /* on the second derivatives that the neighbours leave open */
+#define LARGEST_OFFSET 0.13 /* of a middle from its chord, over the edge: an arc of 60 degrees */
 
 /* What patches are made from: neighbours of triangles, their unit normals. */
 typedef struct {
@@ -68,8 +68,8 @@ static uint32_t widen(const surface *s, uint32_t *triangle, uint32_t count) {
     for (uint32_t i = 0; i < inner; i++) {
         for (int k = 0; k < 3; k++) {
             uint32_t next = s->across[triangle[i]][k];
-            if (count < MAX_PATCH && smooth(s, triangle[0], next) &&
-                smooth(s, triangle[i], next) && !listed(triangle, count, next))
+            if (count < MAX_PATCH && smooth(s, triangle[0], next) && smooth(s, triangle[i], next) &&
+                !listed(triangle, count, next))
                 triangle[count++] = next;
         }
     }

@@ -348,7 +348,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     mesh surface = {.vertices = 0};
     bvh *on = NULL;
     if (t->from[0] == NULL) {
-        surface = body->as_is ? body_mesh(body) : mesh_load(source);
+        surface = body->as_is ? body_mesh(body) : mesh_load_as(source, &body->choice);
         if (!body->as_is) require_near_origin(surface.x, surface.vertices, source);
         (void)mesh_drop_unused(&surface);
         uint32_t filled = mesh_fill_holes(&surface, 1);

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: MIT */
+#include "tools/mesh/choose.h"
+#include "port/host/util.h"
+#include "tools/mesh/components.h"
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LARGEST_BODY_M 2.0
+#define SMALLEST_BODY_M 1e-3
+
+bool mesh_option(mesh_choice *c, const argument *a) {
+    static const char *const units[] = {"m", "cm", "mm", "inch", NULL};
+    static const double metres[] = {1, 1e-2, 1e-3, 0.0254};
+    if (a->option == NULL) return false;
+    if (strcmp(a->option, "--units") == 0) {
+        c->unit_m = metres[arg_word(a, units)];
+    } else if (strcmp(a->option, "--largest") == 0) {
+        c->one = true;
+        c->component = 0;
+    } else if (strcmp(a->option, "--component") == 0) {
+        c->one = true;
+        c->component = arg_u32(a, 0, 0, UINT32_MAX);
+    } else {
+        return false;
+    }
+    return true;
+}
+
+static void warn_of_size(const char *path, double across) {
+    if (across > LARGEST_BODY_M) {
+        warn("%s: the body is %.3g m across: if the file is in millimetres, add --units mm", path,
+             across);
+    } else if (across < SMALLEST_BODY_M) {
+        warn("%s: the body is %.3g mm across: is the file in metres? (--units mm, cm or inch)",
+             path, 1e3 * across);
+    }
+}
+
+mesh mesh_load_as(const char *path, const mesh_choice *c) {
+    mesh m = mesh_load(path);
+    for (uint32_t i = 0; i < m.vertices && c->unit_m > 0; i++) {
+        for (int k = 0; k < 3; k++) m.x[i][k] *= c->unit_m;
+    }
+    if (c->one) mesh_keep_component(&m, path, c->component);
+    warn_of_size(path, mesh_diagonal(&m));
+    return m;
+}

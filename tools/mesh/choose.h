@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT */
+/* Which part of a mesh file is meant, and in what unit it is. */
+#ifndef PALP_TOOLS_CHOOSE_H
+#define PALP_TOOLS_CHOOSE_H
+
+#include "port/host/args.h"
+#include "tools/mesh/mesh.h"
+
+typedef struct {
+    double unit_m; /* 0: metres */
+    bool one;      /* only one component, the n-th by size */
+    uint32_t component;
+} mesh_choice;
+
+/* For option tables. */
+#define MESH_OPTIONS                                                                               \
+    {"--units", 1}, {"--largest", 0}, { "--component", 1 }
+#define MESH_HELP                                                                                  \
+    "  --units mm|cm|m|inch    of the mesh file (default m)\n"                                     \
+    "  --largest               keep the largest of several components\n"                           \
+    "  --component N           keep component N, 0-based, the largest first\n"
+
+/* Takes one of MESH_OPTIONS; false if it is another. */
+bool mesh_option(mesh_choice *c, const argument *a);
+
+/* mesh_load, in metres, with the component that was chosen. Warns of sizes that no body has. */
+mesh mesh_load_as(const char *path, const mesh_choice *c);
+
+#endif

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Surfaces that touch themselves: an edge with four triangles or more, a vertex with several fans.
+ * Around such an edge each two triangles that bound the same piece of the solid belong together;
+ * vertices are doubled until every edge has two triangles and every vertex one fan.
+ */
+#ifndef PALP_TOOLS_MESHSPLIT_H
+#define PALP_TOOLS_MESHSPLIT_H
+
+#include "tools/mesh/mesh.h"
+
+/* Needs triangles that are oriented alike around those edges; leaves edges where they are not.
+ * Returns how many vertices were added. */
+uint32_t mesh_split_touching(mesh *m);
+
+#endif
