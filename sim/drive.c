@@ -189,11 +189,16 @@ static void mit_receive(sim_drive *d, const palp_can_frame *f) {
     if (c.kind == PALP_MIT_ENTER && d->error == 0) d->live = true;
     if (c.kind == PALP_MIT_EXIT) d->live = false;
     command(d, c.kind == PALP_MIT_COMMAND ? c.torque_Nm : 0);
+    bool has_state = k->form == PALP_MIT_FORM_AUTO || k->form == PALP_MIT_FORM_STATE;
     palp_mit_answer a = {.node = d->node,
-                         .error = (uint8_t)(d->error != 0 ? 8
-                                            : d->live     ? 1
-                                                          : 0),
-                         .has_error = true,
+                         .state = (uint8_t)(!has_state      ? 0
+                                            : d->error != 0 ? 8
+                                            : d->live       ? 1
+                                                            : 0),
+                         .last = (uint8_t)(has_state       ? 30
+                                           : d->error != 0 ? 2
+                                                           : 0),
+                         .is_long = k->form != PALP_MIT_FORM_SHORT,
                          .position_rad = (float)(d->turns * RAD_PER_REV),
                          .velocity_rad_s = (float)(d->turns_per_s * RAD_PER_REV),
                          .torque_Nm = (float)d->actual_Nm};

@@ -43,6 +43,7 @@ static uint32_t repeat_ticks(const palp_drive_config *c) {
 static palp_rx_event odrive_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_odrive_message m;
     if (frame->id >> 5 != d->node) return PALP_RX_NONE;
+    if (frame->flags == PALP_CAN_REMOTE) return PALP_RX_NONE; /* a question to the drive */
     if (palp_odrive_is_telemetry(frame)) return PALP_RX_STATUS;
     if (!palp_odrive_decode(frame, &m)) return PALP_RX_BAD;
     if (m.command == PALP_ODRIVE_ENCODER_ESTIMATES)
@@ -127,8 +128,8 @@ static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
         return palp_sdo_decode(f, f->id, &sdo) ? cia402_answer(d, c, sdo) : PALP_RX_BAD;
     if (f->id == PALP_COB_HEARTBEAT + d->node) {
         if (!palp_can_is(f, f->id, 0, 1)) return PALP_RX_BAD;
-        /* A drive that has restarted has forgotten its configuration. */
-        if (f->data[0] != PALP_NMT_STATE_OPERATIONAL) d->configured = d->enabled = false;
+        /* A drive that has restarted has forgotten its configuration; the high bit is node guarding. */
+        if ((f->data[0] & 0x7fu) != PALP_NMT_STATE_OPERATIONAL) d->configured = d->enabled = false;
         return heard(d, PALP_RX_STATUS);
     }
     if (f->id == PALP_COB_EMCY + d->node) {
@@ -234,17 +235,36 @@ static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c,
 
 /* ---- MIT ---- */
 
+#define MIT_PATIENCE 10u /* ticks after "enter" in which a motor with a state says that it is on */
+#define MIT_ERRORS 8u    /* codes of the AK series are below; a temperature in their place is not */
+
+/* What form an answer has. A state that is not 0 is one; where none shows after "enter" and the last
+ * byte can be an error, it is that; until then the state is believed. */
+static palp_mit_form mit_form(palp_drive *d, const palp_drive_config *c, const palp_mit_answer *a) {
+    if (!a->is_long) return PALP_MIT_FORM_SHORT;
+    if (c->form == PALP_MIT_FORM_STATE || c->form == PALP_MIT_FORM_ERROR) return c->form;
+    bool entered = d->request == PALP_REQUEST_ENABLE && d->since_request > MIT_PATIENCE;
+    if (a->state != 0u)
+        d->form = PALP_MIT_FORM_STATE;
+    else if (d->form == PALP_MIT_FORM_AUTO && entered && a->last < MIT_ERRORS)
+        d->form = PALP_MIT_FORM_ERROR;
+    return d->form == PALP_MIT_FORM_ERROR ? d->form : PALP_MIT_FORM_STATE;
+}
+
 static palp_rx_event mit_receive(palp_drive *d, const palp_drive_config *c,
                                  const palp_can_frame *f) {
     palp_mit_answer a;
     if (f->id != c->master_id) return PALP_RX_NONE;
     if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_RX_BAD;
     if (a.node != d->node) return PALP_RX_NONE;
-    /* Short answers do not say whether the motor is on: it is when it answers after "enter". */
+    /* Without a state the motor is on when it answers after "enter". */
     bool on = d->request == PALP_REQUEST_TORQUE ||
               (d->request == PALP_REQUEST_ENABLE && d->since_request > 2u);
-    d->enabled = a.has_error ? a.error == 1u : on;
-    d->error = a.error > 1u ? a.error : PALP_DRIVE_NO_ERROR;
+    palp_mit_form form = mit_form(d, c, &a);
+    d->enabled = form == PALP_MIT_FORM_STATE ? a.state == 1u : on;
+    d->error = PALP_DRIVE_NO_ERROR;
+    if (form == PALP_MIT_FORM_STATE && a.state > 1u) d->error = a.state;
+    if (form == PALP_MIT_FORM_ERROR) d->error = a.last;
     d->configured = true;
     (void)heard(d, PALP_RX_STATUS);
     return estimate(d, a.position_rad / RAD_PER_REV, a.velocity_rad_s / RAD_PER_REV);

@@ -39,6 +39,7 @@ typedef struct {
     float torque_max_Nm;   /* motor */
     float watchdog_s;      /* asked of drives that can be told: 0.01 to 0.1 */
     palp_mit_range range;  /* MIT */
+    palp_mit_form form;    /* MIT: of answers of 8 bytes */
     uint32_t master_id;    /* MIT: the id of answers */
     float torque_lag_s;    /* time constant of the drive's torque; 0: at once */
     float rate_hz;         /* of the ticks */
@@ -75,6 +76,7 @@ typedef struct {
     /* Protocol internals. */
     uint32_t step, waited, tries, phase, since_request;
     uint32_t statusword;
+    palp_mit_form form;
     palp_drive_request request;
     palp_e2e sent, received;
 } palp_drive;

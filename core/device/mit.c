@@ -48,18 +48,21 @@ bool palp_mit_decode_command(const palp_can_frame *frame, uint8_t node, uint8_t 
 
 palp_can_frame palp_mit_encode_answer(uint32_t master_id, uint8_t flags,
                                       const palp_mit_range *range, const palp_mit_answer *answer) {
-    palp_can_frame f = {.id = master_id, .flags = flags, .length = answer->has_error ? 8u : 6u};
+    palp_can_frame f = {.id = master_id, .flags = flags, .length = answer->is_long ? 8u : 6u};
     uint32_t p = to_field(answer->position_rad, range->position_rad, 16);
     uint32_t v = to_field(answer->velocity_rad_s, range->velocity_rad_s, 12);
     uint32_t t = to_field(answer->torque_Nm, range->torque_Nm, 12);
-    f.data[0] = answer->has_error ? (uint8_t)((uint32_t)answer->error << 4 | (answer->node & 0xfu))
-                                  : answer->node;
+    f.data[0] = answer->is_long ? (uint8_t)((uint32_t)answer->state << 4 | (answer->node & 0xfu))
+                                : answer->node;
     f.data[1] = (uint8_t)(p >> 8);
     f.data[2] = (uint8_t)p;
     f.data[3] = (uint8_t)(v >> 4);
     f.data[4] = (uint8_t)(v << 4 | t >> 8);
     f.data[5] = (uint8_t)t;
-    if (answer->has_error) f.data[6] = f.data[7] = 30; /* degrees */
+    if (answer->is_long) {
+        f.data[6] = 30;
+        f.data[7] = answer->last;
+    }
     return f;
 }
 
@@ -68,11 +71,12 @@ bool palp_mit_decode_answer(const palp_can_frame *frame, uint32_t master_id, uin
     const uint8_t *d = frame->data;
     if (frame->id != master_id || frame->flags != flags) return false;
     if (frame->length != 6u && frame->length != 8u) return false;
-    bool has_error = frame->length == 8u;
+    bool is_long = frame->length == 8u;
     *answer = (palp_mit_answer){
-        .node = has_error ? d[0] & 0xfu : d[0],
-        .error = has_error ? d[0] >> 4 : 0,
-        .has_error = has_error,
+        .node = is_long ? d[0] & 0xfu : d[0],
+        .state = is_long ? d[0] >> 4 : 0,
+        .last = is_long ? d[7] : 0,
+        .is_long = is_long,
         .position_rad = from_field((uint32_t)d[1] << 8 | d[2], range->position_rad, 16),
         .velocity_rad_s = from_field((uint32_t)d[3] << 4 | d[4] >> 4, range->velocity_rad_s, 12),
         .torque_Nm = from_field(((uint32_t)d[4] & 0xfu) << 8 | d[5], range->torque_Nm, 12)};

@@ -4,6 +4,10 @@
  * big-endian bit fields over symmetric ranges that only the data sheet knows. Torque control sends
  * both gains as 0. The ranges have an even number of steps, so 0 is not on the grid: the nearest
  * torque is half a step away from it.
+ *
+ * Answers of 8 bytes have two forms. Damiao: the state beside the number of the motor in byte 0 (0
+ * off, 1 on, 8 and above a fault), two temperatures at the end. AK series: byte 0 is the number, the
+ * end a temperature and an error (0 none).
  */
 #ifndef PALP_DEVICE_MIT_H
 #define PALP_DEVICE_MIT_H
@@ -27,10 +31,19 @@ typedef struct {
     float torque_Nm;
 } palp_mit_command;
 
+typedef enum {
+    PALP_MIT_FORM_AUTO,  /* to be found from the first answers */
+    PALP_MIT_FORM_STATE, /* Damiao */
+    PALP_MIT_FORM_ERROR, /* AK series */
+    PALP_MIT_FORM_SHORT  /* 6 bytes: neither */
+} palp_mit_form;
+#define PALP_MIT_FORM_NAMES "auto", "state", "error", "short" /* in that order */
+
 typedef struct {
-    uint8_t node;  /* low four bits */
-    uint8_t error; /* 8-byte answers: 0 off, 1 on, 8 and above a fault */
-    bool has_error;
+    uint8_t node;  /* low four bits where there are 8 bytes */
+    uint8_t state; /* high four bits of byte 0; 0 of 6 bytes */
+    uint8_t last;  /* byte 7; 0 of 6 bytes */
+    bool is_long;  /* 8 bytes */
     float position_rad, velocity_rad_s, torque_Nm;
 } palp_mit_answer;
 
@@ -39,6 +52,7 @@ palp_can_frame palp_mit_encode_command(uint8_t node, uint8_t flags, const palp_m
                                        palp_mit_command command);
 palp_can_frame palp_mit_encode_answer(uint32_t master_id, uint8_t flags,
                                       const palp_mit_range *range, const palp_mit_answer *answer);
+/* An answer of 8 bytes has node, state and last as they stand, and 30 in byte 6 (degrees). */
 
 bool palp_mit_decode_command(const palp_can_frame *frame, uint8_t node, uint8_t flags,
                              const palp_mit_range *range, palp_mit_command *command);

@@ -22,8 +22,10 @@ static uint8_t payload_length(uint32_t command) {
 }
 
 bool palp_odrive_is_telemetry(const palp_can_frame *frame) {
-    const uint32_t commands = 1u << 0x0a | 1u << 0x14 | 1u << 0x15 | 1u << 0x17 | 1u << 0x1c;
-    return frame->flags == 0u && frame->length == 8u &&
+    const uint32_t commands = 1u << 0x00 | 1u << 0x04 | 1u << 0x05 | 1u << 0x06 | 1u << 0x0a |
+                              1u << 0x14 | 1u << 0x15 | 1u << 0x17 | 1u << 0x1a | 1u << 0x1c |
+                              1u << 0x1d;
+    return frame->flags == 0u && frame->length <= 8u &&
            (commands >> (frame->id & 0x1fu) & 1u) != 0u;
 }
 

@@ -36,8 +36,9 @@ typedef struct {
     uint32_t control_mode, input_mode;
 } palp_odrive_message;
 
-/* Whether a drive may send this on its own account although nobody here reads it: motor current,
- * temperature, bus voltage, torques, encoder counts. */
+/* Whether this is on the bus although nobody here reads it, sent by a drive on its own account or in
+ * answer to somebody's tool: version, errors of parts, parameters (TxSdo), address, encoder counts,
+ * motor current, temperature, bus voltage, sensorless estimates, torques, powers. */
 bool palp_odrive_is_telemetry(const palp_can_frame *frame);
 
 /* False for remote, error, extended or FD frames, unknown commands and wrong lengths. Constant

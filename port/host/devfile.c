@@ -13,49 +13,25 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--like", 1},
-    {"--kinematics", 1},
-    {"--upper", 1},
-    {"--fore", 1},
-    {"--base", 1},
-    {"--gear", -3},
-    {"--counts", 1},
-    {"--protocol", 1},
-    {"--fd", 1},
-    {"--node", -3},
-    {"--bitrate", 1},
-    {"--data-bitrate", 1},
-    {"--rated-torque", 1},
-    {"--mit-range", 3},
-    {"--master-id", 1},
-    {"--watchdog", 1},
-    {"--torque-lag", 1},
-    {"--joint-zero", -3},
-    {"--homing", 1},
-    {"--joint-home", -3},
-    {"--joint-min", -3},
-    {"--joint-max", -3},
-    {"--torque-max", 1},
-    {"--force-max", 1},
-    {"--slew-max", 1},
-    {"--speed-max", 1},
-    {"--workspace", 1},
-    {"--tool", 1},
-    {"--stiffness-max", 1},
-    {"--damping-max", 1},
-    {"--mass", 1},
-    {"--damping", 1},
-    {"--friction", 1},
-    {"--weight", 1},
-    {"--lift", 3},
-    {"--coulomb", -3},
-    {"--viscous", -3},
-    {NULL, 0},
+    {"--like", 1},         {"--kinematics", 1}, {"--upper", 1},
+    {"--fore", 1},         {"--base", 1},       {"--gear", -3},
+    {"--counts", 1},       {"--protocol", 1},   {"--fd", 1},
+    {"--node", -3},        {"--bitrate", 1},    {"--data-bitrate", 1},
+    {"--rated-torque", 1}, {"--mit-range", 3},  {"--mit-answer", 1},
+    {"--master-id", 1},    {"--watchdog", 1},   {"--torque-lag", 1},
+    {"--joint-zero", -3},  {"--homing", 1},     {"--joint-home", -3},
+    {"--joint-min", -3},   {"--joint-max", -3}, {"--torque-max", 1},
+    {"--force-max", 1},    {"--slew-max", 1},   {"--speed-max", 1},
+    {"--workspace", 1},    {"--tool", 1},       {"--stiffness-max", 1},
+    {"--damping-max", 1},  {"--mass", 1},       {"--damping", 1},
+    {"--friction", 1},     {"--weight", 1},     {"--lift", 3},
+    {"--coulomb", -3},     {"--viscous", -3},   {NULL, 0},
 };
 #define MAX_LIKES 8
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
 
 static const char *const mechanisms[] = {PALP_MECHANISM_NAMES, NULL};
+static const char *const mit_forms[] = {PALP_MIT_FORM_NAMES, NULL};
 static const char *const homings[] = {"none", "pose", NULL};
 static const char *const protocols[] = {PALP_PROTOCOL_NAMES, NULL};
 
@@ -167,6 +143,8 @@ static void set_key(void *context, const argument *a) {
     } else if (strcmp(o, "--mit-range") == 0) {
         p->drives.range = (palp_mit_range){(float)arg_double(a, 0), (float)arg_double(a, 1),
                                            (float)arg_double(a, 2)};
+    } else if (strcmp(o, "--mit-answer") == 0) {
+        p->drives.form = (palp_mit_form)arg_word(a, mit_forms);
     } else if (strcmp(o, "--node") == 0) {
         for (int i = 0; i < a->count; i++) p->node_id[i] = (uint8_t)arg_u32(a, i, 0, 126);
     } else if (strcmp(o, "--lift") == 0) {

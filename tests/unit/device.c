@@ -116,16 +116,63 @@ static void test_mit(void) {
     (void)palp_mit_decode_command(&f, 1, 0, &range, &out);
     CHECK(fabsf(out.torque_Nm - 10) < 1e-5f, "and saturate");
     palp_mit_answer a = {.node = 5,
-                         .error = 1,
-                         .has_error = true,
+                         .state = 1,
+                         .is_long = true,
                          .position_rad = 1.25f,
                          .velocity_rad_s = -3,
                          .torque_Nm = 0.5f},
                     b;
     f = palp_mit_encode_answer(0, 0, &range, &a);
-    CHECK(palp_mit_decode_answer(&f, 0, 0, &range, &b) && b.node == 5 && b.error == 1 &&
+    CHECK(palp_mit_decode_answer(&f, 0, 0, &range, &b) && b.node == 5 && b.state == 1 &&
               fabsf(b.position_rad - 1.25f) < 2e-4f && fabsf(b.velocity_rad_s + 3) < 8e-3f,
-          "answers with the error nibble");
+          "answers with the state beside the number");
+}
+
+/* A drive that is told to enable for 20 ticks and answers each with `answer`. */
+static palp_drive mit_answers(palp_mit_form form, uint8_t node, const char *answer) {
+    const palp_drive_config c = {.protocol = PALP_PROTOCOL_MIT,
+                                 .form = form,
+                                 .range = {12.5f, 30, 10},
+                                 .counts_per_rev = 65536,
+                                 .torque_max_Nm = 1,
+                                 .watchdog_s = 0.02f,
+                                 .rate_hz = 1000};
+    palp_drive d;
+    palp_can_frame out[PALP_DRIVE_FRAMES], f = {.length = (uint8_t)(strlen(answer) / 2)};
+    palp_drive_init(&d, node);
+    for (size_t i = 0; i < f.length; i++) {
+        const char byte[3] = {answer[2 * i], answer[2 * i + 1], 0};
+        f.data[i] = (uint8_t)strtoul(byte, NULL, 16);
+    }
+    for (int tick = 0; tick < 20; tick++) {
+        (void)palp_drive_send(&d, &c, PALP_REQUEST_ENABLE, 0, out);
+        (void)palp_drive_receive(&d, &c, &f);
+    }
+    return d;
+}
+
+static void test_mit_forms(void) {
+    const struct {
+        palp_mit_form form;
+        uint8_t node;
+        const char *answer;
+        bool enabled;
+        uint32_t error;
+        const char *name;
+    } table[] = {
+        {PALP_MIT_FORM_AUTO, 1, "0180008008001e00", true, 0, "AK series, healthy, found"},
+        {PALP_MIT_FORM_AUTO, 1, "0180008008005a02", true, 2, "AK series, over-current, found"},
+        {PALP_MIT_FORM_AUTO, 1, "018000800800", true, 0, "6 bytes"},
+        {PALP_MIT_FORM_AUTO, 3, "1380008008001e1c", true, 0, "Damiao, on, found"},
+        {PALP_MIT_FORM_AUTO, 3, "0380008008001e1c", false, 0, "Damiao, will not go on"},
+        {PALP_MIT_FORM_AUTO, 3, "a380008008001e1c", false, 10, "Damiao, fault"},
+        {PALP_MIT_FORM_ERROR, 3, "0380008008001e1c", true, 28, "AK series, described"},
+        {PALP_MIT_FORM_STATE, 3, "0380008008001e00", false, 0, "Damiao, described"}};
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        palp_drive d = mit_answers(table[i].form, table[i].node, table[i].answer);
+        CHECK(d.heard && d.enabled == table[i].enabled && d.error == table[i].error,
+              "MIT: %s: enabled %d, error %u", table[i].name, d.enabled, d.error);
+    }
 }
 
 static void test_cia402(void) {
@@ -475,6 +522,7 @@ int main(void) {
     test_odrive();
     test_moteus();
     test_mit();
+    test_mit_forms();
     test_cia402();
     test_protection();
     test_atan2();
