@@ -26,4 +26,51 @@ refuses 1 "nan.obj:3: coordinate 1" "a corner that is no number" $palp remesh na
 printf 'v 0 0 0\nf 1 2 3\n' > range.obj
 refuses 1 "range.obj:2: vertex 2 is out of range" "a vertex that is not there" $palp remesh range.obj -o out.obj
 refuses 2 "name it .obj" "an output of another format" $palp remesh files/plain.obj -o out.stl
+
+# Units, components, surfaces that touch themselves.
+awk '/^v / {printf "v %.9g %.9g %.9g\n", 1000 * $2, 1000 * $3, 1000 * $4; next} {print}' ball.obj > mm.obj
+$palp subdivide mm.obj -o metres.obj --levels 0 --units mm > /dev/null 2> err.txt
+awk -v a="$(volume metres.obj)" -v b="$ball" 'BEGIN {d = a / b - 1; exit !(d < 1e-5 && d > -1e-5)}' && [ ! -s err.txt ]; ok $? "--units mm"
+$palp subdivide mm.obj -o far.obj --levels 0 > /dev/null 2> err.txt; grep -q 'm across: .*--units mm' err.txt; ok $? "a body of 2 km is warned of: $(cat err.txt)"
+$palp subdivide ball.obj -o small.obj --levels 0 --units mm 2> err.txt > /dev/null; $palp subdivide small.obj -o speck.obj --levels 0 --units mm > /dev/null 2> err.txt
+grep -q 'mm across: is the file in metres' err.txt; ok $? "a body of 3 um is warned of: $(cat err.txt)"
+refuses 2 "'feet' is not one of" "an unknown unit" $palp subdivide mm.obj -o out.obj --units feet
+n=$(grep -c '^v ' ball.obj)
+cube() { # cube X Y Z FIRST: a cube of 0.4 with its vertices numbered from FIRST
+    awk -v x="$1" -v y="$2" -v z="$3" -v o="$4" 'BEGIN {for (i = 0; i < 8; i++) print "v", x + 0.4 * (i % 2), y + 0.4 * (int(i / 2) % 2), z + 0.4 * int(i / 4)
+        split("0 2 3 1 4 5 7 6 0 1 5 4 2 6 7 3 0 4 6 2 1 3 7 5", f, " "); for (i = 0; i < 6; i++) print "f", f[4*i+1]+o, f[4*i+2]+o, f[4*i+3]+o, f[4*i+4]+o}'
+}
+{ cube 0 0 0 1; cube 0.5 0 0 9; sed -n '/^v/p' ball.obj; awk '/^f/ {print "f", $2 + 16, $3 + 16, $4 + 16}' ball.obj; } > three.obj
+refuses 1 "several components: 3" "three bodies in a file" $palp remesh three.obj -o out.obj
+$palp subdivide three.obj -o read.obj --levels 0 --largest > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq "$n" ] && grep -q 'component 0 of 3 kept' err.txt; ok $? "--largest: $(cat err.txt)"
+$palp subdivide three.obj -o read.obj --levels 0 --component 2 > /dev/null 2>&1 && [ "$(grep -c '^v ' read.obj)" -eq 8 ]; ok $? "--component 2"
+refuses 2 "no component 3: there are 3" "a component that is not there" $palp subdivide three.obj -o out.obj --component 3
+for touch in "0.4 0.4 0 edge" "0.4 0.4 0.4 corner"; do
+    set -- $touch
+    { cube 0 0 0 1; cube "$1" "$2" "$3" 9; } > touching.obj
+    # one numbering: places that are shared become one vertex
+    awk '/^v/ {k = $2 " " $3 " " $4; n++; if (!(k in at)) {at[k] = ++m; print} now[n] = at[k]; next} {print "f", now[$2], now[$3], now[$4], now[$5]}' touching.obj > shared.obj
+    $palp subdivide shared.obj -o read.obj --levels 0 --component 1 > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq 8 ] && grep -q 'touches itself' err.txt
+    ok $? "two cubes that share an $4 are two bodies: $(head -1 err.txt)"
+done
+
+# palp check.
+$palp check ball.obj > check.txt 2> err.txt && [ ! -s err.txt ] && grep -q 'size  .* cm' check.txt && grep -q 'genus 0' check.txt && grep -q 'wall  ' check.txt && grep -q 'nodes, 4 levels with --levels 3' check.txt
+ok $? "palp check: $(grep -c . check.txt) lines"
+$palp check three.obj > check.txt 2> err.txt; [ $? -eq 1 ] && grep -q 'component   2: 12 triangles' check.txt && grep -q -- '--largest' err.txt; ok $? "palp check of several bodies: $(cat err.txt)"
+awk '/^v/ && !done {print "v", -0.7 * $2, -0.7 * $3, -0.7 * $4; done = 1; next} {print}' ball.obj > inside.obj
+awk '/^v/ && !done {print "v", -1.3 * $2, -1.3 * $3, -1.3 * $4; done = 1; next} {print}' ball.obj > through.obj
+$palp check through.obj > check.txt 2> err.txt; grep -q 'crosses     itself near' check.txt; ok $? "palp check of a surface that crosses itself: $(grep crosses check.txt)"
+$palp check inside.obj > check.txt 2> err.txt; ! grep -q crosses check.txt; ok $? "and not of one that only comes near"
+$palp bake through.obj --as-is -o out.palp --young 1e4 --poisson 0.4 --fix-below x 0 > /dev/null 2> err.txt; grep -q 'crosses itself near' err.txt; ok $? "palp bake --as-is says so: $(head -1 err.txt)"
+refuses 2 "no mesh" "palp check without a mesh" $palp check
+
+# Moduli with units.
+bake="$palp bake ball.obj --as-is -o ball.palp --poisson 0.4 --fix-below z -0.5"
+young() { $palp info ball.palp --json | sed -n 's/.*"young_pa": \([0-9.e+]*\).*/\1/p'; }
+$bake --young 20 kPa > /dev/null 2>&1 && [ "$(young)" = 20000 ]; ok $? "--young 20 kPa"
+printf 'mesh ball.obj\nas-is\nyoung 2 MPa # rubber\npoisson 0.4\nfix-below z -0.5\n' > ball.model
+$palp bake ball.model -o ball.palp > bake.txt 2>&1 && [ "$(young)" = 2000000 ] && grep -q '^size .* cm' bake.txt; ok $? "young 2 MPa in a model file"
+refuses 2 "'kN' is not one of" "an unknown unit of a modulus" $palp bake ball.obj --as-is -o out.palp --poisson 0.4 --fix-below z -0.5 --young 2 kN
+$bake --young 5 > /dev/null 2> err.txt; grep -q "Young's modulus is 5 Pa" err.txt; ok $? "a modulus of 5 Pa is warned of"
 done_testing

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/bake/body.h"
 #include "port/host/parallel.h"
+#include "tools/mesh/crossing.h"
 #include "tools/mesh/remesh.h"
 #include "tools/mesh/thickness.h"
 #include "port/host/util.h"
@@ -219,6 +220,12 @@ mesh body_mesh(const body_spec *s) {
         m = r;
     }
     mesh_require_closed(&m, s->mesh_path);
+    uint32_t crossing = s->as_is ? mesh_self_intersection(&m) : UINT32_MAX;
+    if (crossing != UINT32_MAX)
+        warn("%s: the surface crosses itself near (%.4g, %.4g, %.4g), triangle %" PRIu32
+             " (0-based): what is felt there is not a body",
+             s->mesh_path, m.x[m.t[crossing][0]][0], m.x[m.t[crossing][0]][1],
+             m.x[m.t[crossing][0]][2], crossing);
     for (uint32_t l = 0; l < s->loop; l++) {
         mesh finer = subdivide_loop(&m);
         mesh_free(&m);

@@ -344,6 +344,11 @@ int command_bake(int argc, char **argv) {
     report_regularisation(&b, s.epsilon);
     if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
+    double size[3];
+    mesh_extent(&m, size);
+    fprintf(strcmp(s.output, "-") == 0 ? stderr : stdout,
+            "size                  %.3g x %.3g x %.3g cm\n", 100 * size[0], 100 * size[1],
+            100 * size[2]);
     report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);
     return EXIT_SUCCESS;
 }

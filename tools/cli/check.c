@@ -5,6 +5,7 @@
 #include "port/host/util.h"
 #include "tools/mesh/choose.h"
 #include "tools/mesh/components.h"
+#include "tools/mesh/crossing.h"
 #include "tools/mesh/meshmend.h"
 #include "tools/mesh/remesh.h"
 #include "tools/mesh/semireg.h"
@@ -94,6 +95,13 @@ int command_check(int argc, char **argv) {
     if (holes > 0) printf("%-10s mended      %" PRIu32 " hole(s) closed\n", "", holes);
     mesh_require_closed(&m, s.input);
     print_surface("", &m);
+    uint32_t crossing = mesh_self_intersection(&m);
+    if (crossing != UINT32_MAX) {
+        const double *x = m.x[m.t[crossing][0]];
+        printf("%-10s crosses     itself near (%.4g, %.4g, %.4g), triangle %" PRIu32
+               " (0-based): repair it there\n",
+               "", x[0], x[1], x[2], crossing);
+    }
     semireg given = semireg_detect(&m);
     printf("%-10s bake        %" PRIu32 " nodes, %" PRIu32 " level(s) with --as-is\n", "",
            m.vertices, given.levels);

@@ -268,6 +268,13 @@ static void summary(FILE *f, const player *p) {
         fprintf(f, "motion lost           put back to rest in %zu ticks: not finite any more\n",
                 lost);
     fprintf(f, "energy monitor        acted in %zu ticks\n", energy_limited);
+    if (energy_limited > p->ticks / 10)
+        warn(
+            "the energy monitor held the motion back in %zu of %zu ticks: the material is too "
+            "stiff "
+            "for the smallest step at this rate, and what is shown is not the body's motion: use a "
+            "higher rate, coarser meshes or a softer material",
+            energy_limited, (size_t)p->ticks);
     fprintf(f, "contact               largest force %.3g N, largest displacement %.3g m%s\n", force,
             displaced, overflow > 0 ? "; some vertices had no room among the contact points" : "");
 }

@@ -7,6 +7,7 @@
 #include "port/host/util.h"
 #include "tools/zone/zonesolve.h"
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -58,6 +59,18 @@ static const char *wavelet_name(const palp_blob *b) {
     return palp_blob_has(b, PALP_META_BUTTERFLY) ? "butterfly" : "linear";
 }
 
+/* Of the box around it (m). */
+static void size_of(const palp_blob *b, double size[3]) {
+    for (size_t k = 0; k < 3; k++) {
+        double low = HUGE_VAL, high = -HUGE_VAL;
+        for (size_t i = 0; i < b->meta->nodes; i++) {
+            low = fmin(low, (double)b->rest_m[3 * i + k]);
+            high = fmax(high, (double)b->rest_m[3 * i + k]);
+        }
+        size[k] = high - low;
+    }
+}
+
 static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
                        double compression) {
     const palp_meta *m = b->meta;
@@ -65,6 +78,9 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
            ", \"triangles\": %" PRIu32 ", \"levels\": %" PRIu32 ",\n",
            m->nodes, m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED], m->triangles,
            m->levels);
+    double size[3];
+    size_of(b, size);
+    printf(" \"size_m\": [%.6g, %.6g, %.6g],\n", size[0], size[1], size[2]);
     printf(" \"young_pa\": %.9g, \"poisson\": %.9g, \"density_kg_m3\": %.9g, \"epsilon\": %.9g,\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3, (double)m->epsilon);
     printf(" \"wavelet\": \"%s\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
@@ -100,6 +116,10 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
     const palp_meta *m = b->meta;
     printf("nodes                 %" PRIu32 " (%" PRIu32 " free, %" PRIu32 " fixed)\n", m->nodes,
            m->domain_nodes[PALP_FREE], m->domain_nodes[PALP_FIXED]);
+    double size[3];
+    size_of(b, size);
+    printf("size                  %.3g x %.3g x %.3g cm\n", 100 * size[0], 100 * size[1],
+           100 * size[2]);
     printf("triangles             %" PRIu32 ", mean edge %.4g m\n", m->triangles,
            (double)m->mean_edge_m);
     printf("levels                %" PRIu32 ", free nodes per level", m->levels);

@@ -28,7 +28,7 @@ bool mesh_option(mesh_choice *c, const argument *a) {
 }
 
 static void warn_of_size(const char *path, double across) {
-    if (across > LARGEST_BODY_M) {
+    if (across > LARGEST_BODY_M * (1 + 1e-9)) {
         warn("%s: the body is %.3g m across: if the file is in millimetres, add --units mm", path,
              across);
     } else if (across < SMALLEST_BODY_M) {
@@ -43,6 +43,8 @@ mesh mesh_load_as(const char *path, const mesh_choice *c) {
         for (int k = 0; k < 3; k++) m.x[i][k] *= c->unit_m;
     }
     if (c->one) mesh_keep_component(&m, path, c->component);
-    warn_of_size(path, mesh_diagonal(&m));
+    double size[3];
+    mesh_extent(&m, size);
+    warn_of_size(path, fmax(size[0], fmax(size[1], size[2])));
     return m;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/remesh.h"
 #include "tools/mesh/choose.h"
+#include "tools/mesh/crossing.h"
 #include "tools/mesh/meshmend.h"
 #include "port/host/args.h"
 #include "tools/mesh/bvh.h"
@@ -324,75 +325,6 @@ static mesh split_longest(const mesh *m, uint32_t triangles) {
 
 /* ---- checks ---- */
 
-static double side(const double a[3], const double b[3], const double c[3], const double x[3]) {
-    double n[3], d[3];
-    triangle_normal(a, b, c, n);
-    v_sub(x, a, d);
-    return v_dot(n, d);
-}
-
-/* `least`: six times the volume that counts as no volume, so that what only touches does not meet. */
-static bool segment_meets(const double p[3], const double q[3], const double a[3],
-                          const double b[3], const double c[3], double least) {
-    double at_p = side(a, b, c, p), at_q = side(a, b, c, q);
-    if (at_p * at_q >= 0 || fabs(at_p) <= least || fabs(at_q) <= least) return false;
-    double u = side(p, q, a, b), v = side(p, q, b, c), w = side(p, q, c, a);
-    return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
-}
-
-static bool share_vertex(const uint32_t s[3], const uint32_t t[3]) {
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) {
-            if (s[i] == t[k]) return true;
-        }
-    }
-    return false;
-}
-
-typedef struct {
-    double low, high; /* along x */
-    uint32_t triangle;
-} span;
-
-static int compare_spans(const void *a, const void *b) {
-    const span *p = a, *q = b;
-    return p->low < q->low ? -1 : p->low > q->low;
-}
-
-static bool triangles_meet(const mesh *m, uint32_t i, uint32_t j, double least) {
-    const uint32_t *s = m->t[i], *t = m->t[j];
-    if (share_vertex(s, t)) return false;
-    for (int k = 0; k < 3; k++) {
-        if (segment_meets(m->x[s[k]], m->x[s[(k + 1) % 3]], m->x[t[0]], m->x[t[1]], m->x[t[2]],
-                          least) ||
-            segment_meets(m->x[t[k]], m->x[t[(k + 1) % 3]], m->x[s[0]], m->x[s[1]], m->x[s[2]],
-                          least))
-            return true;
-    }
-    return false;
-}
-
-/* A triangle that another one cuts, or UINT32_MAX. */
-static uint32_t self_intersection(const mesh *m) {
-    const double diagonal = mesh_diagonal(m), least = 1e-12 * diagonal * diagonal * diagonal;
-    span *spans = allocate(m->triangles, sizeof *spans);
-    uint32_t found = UINT32_MAX;
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        const double a = m->x[m->t[i][0]][0], b = m->x[m->t[i][1]][0], c = m->x[m->t[i][2]][0];
-        spans[i] = (span){fmin(a, fmin(b, c)), fmax(a, fmax(b, c)), i};
-    }
-    qsort(spans, m->triangles, sizeof *spans, compare_spans);
-    for (uint32_t i = 0; i < m->triangles && found == UINT32_MAX; i++) {
-        for (uint32_t j = i + 1; j < m->triangles && spans[j].low <= spans[i].high; j++) {
-            if (!triangles_meet(m, spans[i].triangle, spans[j].triangle, least)) continue;
-            found = spans[i].triangle;
-            break;
-        }
-    }
-    free(spans);
-    return found;
-}
-
 /* Distances from the vertices, edge midpoints and centroids of `m` to the surface, weighted by
  * area. */
 static void one_way(const mesh *m, const bvh *surface, double *sum, double *weight, double *worst) {
@@ -466,7 +398,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         mesh dense = split_longest(in, target);
         bvh *facing = bvh_build(&dense);
         simplified s = simplify(&dense, target);
-        uint32_t crossing = self_intersection(&s.base);
+        uint32_t crossing = mesh_self_intersection(&s.base);
         if (crossing != UINT32_MAX) cut = crossing;
         r.base_triangles = s.base.triangles;
         /* Evened out first; as the map gave it where that rounds off sharp edges. */
@@ -488,7 +420,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     }
     bvh_free(surface);
     if (best.x == NULL) {
-        uint32_t own = self_intersection(in);
+        uint32_t own = mesh_self_intersection(in);
         if (own != UINT32_MAX) {
             const double *x = in->x[in->t[own][0]];
             die(EXIT_WORK,
