@@ -13,18 +13,18 @@ static const option *find_option(const option *table, const char *name) {
     return NULL;
 }
 
-/* Whether a word behind the first value belongs to the option too: a number or a unit, neither an
- * option nor a file. */
-static bool is_further_value(const char *word) {
+/* Whether the index-th word behind an option can be its value: no other option, and behind the
+ * first no file, but a number or a unit. */
+static bool can_be_value(const char *word, int index) {
     double value;
-    return parse_double(word, &value) || (word[0] != '-' && strpbrk(word, "./") == NULL);
+    if (parse_double(word, &value)) return true;
+    return word[0] != '-' && (index == 0 || strpbrk(word, "./") == NULL);
 }
 
 /* How many of the words behind an option are its values. */
 static int values_behind(const option *o, int words, char **word) {
     int most = abs(o->values), count = 0;
-    while (count < most && count < words &&
-           (o->values > 0 || (count == 0 ? word[0][0] != '-' : is_further_value(word[count]))))
+    while (count < most && count < words && (o->values > 0 || can_be_value(word[count], count)))
         count++;
     if (count < (o->values < 0 ? 1 : most)) {
         die(EXIT_USAGE, "%s needs %s%d value(s)", o->name, o->values < 0 ? "1 to " : "", most);

@@ -101,10 +101,13 @@ bool body_option(body_spec *s, const argument *a) {
 
 void body_require_material(const body_spec *s) {
     if (!(s->young_Pa > 0)) die(EXIT_USAGE, "no stiffness: add --young PA");
+    if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
+}
+
+void body_warn_of_material(const body_spec *s) {
     if (s->young_Pa < SOFTEST_PA || s->young_Pa > STIFFEST_PA)
         warn("Young's modulus is %.3g Pa; gels have 1e3, rubber 1e6, steel 2e11: is it in pascals?",
              s->young_Pa);
-    if (isnan(s->poisson)) die(EXIT_USAGE, "no Poisson's ratio: add --poisson NU");
 }
 
 void body_require(const body_spec *s) {
@@ -220,6 +223,7 @@ mesh body_mesh(const body_spec *s) {
         m = r;
     }
     mesh_require_closed(&m, s->mesh_path);
+    mesh_warn_of_size(&m, s->mesh_path);
     uint32_t crossing = s->as_is ? mesh_self_intersection(&m) : UINT32_MAX;
     if (crossing != UINT32_MAX)
         warn("%s: the surface crosses itself near (%.4g, %.4g, %.4g), triangle %" PRIu32
@@ -273,6 +277,7 @@ greens body_greens(const body_spec *s, const mesh *m, const uint8_t *fixed, cons
                    uint32_t level, bool raw) {
     bool coarse = level + 1 < d->domain[PALP_FREE].view.levels;
     greens g;
+    body_warn_of_material(s);
     if (s->compliance != NULL && coarse)
         die(EXIT_USAGE, "--constraint-level is for the solver, not for --compliance");
     bem_material material = {.young_Pa = s->young_Pa,

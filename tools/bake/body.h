@@ -62,6 +62,9 @@ uint32_t *body_node_list(const char *path, uint32_t nodes, uint32_t *count);
 /* Exits unless the material is given. */
 void body_require_material(const body_spec *s);
 
+/* Warns of a Young's modulus that no material has. */
+void body_warn_of_material(const body_spec *s);
+
 /* fixed[vertices] as the fix-... options say. */
 uint8_t *body_bones(const body_spec *s, const mesh *m);
 

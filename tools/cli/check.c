@@ -94,6 +94,7 @@ int command_check(int argc, char **argv) {
     if (holes > 0) (void)mesh_turn_slivers(&m);
     if (holes > 0) printf("%-10s mended      %" PRIu32 " hole(s) closed\n", "", holes);
     mesh_require_closed(&m, s.input);
+    mesh_warn_of_size(&m, s.input);
     print_surface("", &m);
     uint32_t crossing = mesh_self_intersection(&m);
     if (crossing != UINT32_MAX) {

@@ -53,6 +53,7 @@ int command_fill(int argc, char **argv) {
     uint32_t filled = mesh_fill_holes(&surface, 1);
     if (filled > 0) warn("%s: %" PRIu32 " hole(s) closed", s.input, filled);
     mesh_require_closed(&surface, s.input);
+    mesh_warn_of_size(&surface, s.input);
     bvh *on = bvh_build(&surface);
     fprintf(table,
             "  nodes  tetrahedra  dihedral angles (deg)  volume    to the surface: mean    largest"

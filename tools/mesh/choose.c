@@ -27,7 +27,10 @@ bool mesh_option(mesh_choice *c, const argument *a) {
     return true;
 }
 
-static void warn_of_size(const char *path, double across) {
+void mesh_warn_of_size(const mesh *m, const char *path) {
+    double size[3], across;
+    mesh_extent(m, size);
+    across = fmax(size[0], fmax(size[1], size[2]));
     if (across > LARGEST_BODY_M * (1 + 1e-9)) {
         warn("%s: the body is %.3g m across: if the file is in millimetres, add --units mm", path,
              across);
@@ -43,8 +46,5 @@ mesh mesh_load_as(const char *path, const mesh_choice *c) {
         for (int k = 0; k < 3; k++) m.x[i][k] *= c->unit_m;
     }
     if (c->one) mesh_keep_component(&m, path, c->component);
-    double size[3];
-    mesh_extent(&m, size);
-    warn_of_size(path, fmax(size[0], fmax(size[1], size[2])));
     return m;
 }

@@ -23,7 +23,10 @@ typedef struct {
 /* Takes one of MESH_OPTIONS; false if it is another. */
 bool mesh_option(mesh_choice *c, const argument *a);
 
-/* mesh_load, in metres, with the component that was chosen. Warns of sizes that no body has. */
+/* mesh_load, in metres, with the component that was chosen. */
 mesh mesh_load_as(const char *path, const mesh_choice *c);
+
+/* Warns of sizes that no body has. */
+void mesh_warn_of_size(const mesh *m, const char *path);
 
 #endif

@@ -499,6 +499,7 @@ int command_remesh(int argc, char **argv) {
         die(EXIT_WORK, "%s: %" PRIu32 " triangle(s) stay flipped: try --base-faces %" PRIu32,
             s.input, r.flipped, 2 * r.base_triangles);
     }
+    mesh_warn_of_size(&m, s.input);
     FILE *say = strcmp(s.output, "-") == 0 ? stderr : stdout;
     mesh_save_obj(&m, s.output);
     fprintf(say, "input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices,
@@ -531,6 +532,7 @@ int command_subdivide(int argc, char **argv) {
     remesh_spec s = parse(argc, argv, table, subdivide_help);
     mesh m = mesh_load_as(s.input, &s.choice);
     mesh_require_closed(&m, s.input);
+    mesh_warn_of_size(&m, s.input);
     for (uint32_t l = 0; l < s.levels; l++) {
         mesh finer = subdivide_loop(&m);
         mesh_free(&m);

@@ -354,8 +354,10 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
         uint32_t filled = mesh_fill_holes(&surface, 1);
         if (filled > 0) fprintf(f, "holes                 %" PRIu32 " closed\n", filled);
         mesh_require_closed(&surface, source);
+        if (!body->as_is) mesh_warn_of_size(&surface, source);
         on = bvh_build(&surface);
     }
+    body_warn_of_material(body);
     progress_begin("tetrahedra", t->levels);
     for (uint32_t l = 0; l < t->levels; l++) {
         double pitch, dropped = 0;
