@@ -244,7 +244,7 @@ mesh body_mesh(const body_spec *s) {
 
 void body_require_memory(const body_spec *s, const mesh *m, double columns, bool has_levels) {
     double n = m->vertices;
-    double need = 1.05 * (columns < n ? 72 * n * (n + 2 * columns) : 3 * 72 * n * n);
+    double need = 1.05 * (columns < n ? 72 * n * (n + 2 * columns) : 4 * 72 * n * n);
     double have = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
     if (need <= have) return;
     die(EXIT_WORK,

@@ -382,7 +382,7 @@ static double *reactions(const rbvp *p, const uint32_t *node, size_t f, double s
     }
     factor(p->m, l, u, on_u);
     dense_lower_solve(l, u, u, a, width, width);
-    dense_lower_solve(l, u, u, r[0], MODES, MODES);
+    dense_lower_solve(l, u, u, (double *)(void *)r, MODES, MODES);
     for (size_t e = 0; e < MODES; e++) {
         for (size_t j = 0; j < f; j++) z[e * width + j] = p->mean[sorted(node, j)][e];
         memcpy(z + e * width + n, p->weight_force[e], sizeof p->weight_force[e]);

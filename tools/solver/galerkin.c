@@ -195,7 +195,7 @@ WIDE static void fold(const quadratic_surface *q, uint32_t edge, double *sums, u
 WIDE static void take_far(const assembly *a, row_sums *to, bool to_d) {
     const surface_point *x = a->kept[2] + (size_t)to->row * FAR_POINTS;
     for (uint32_t e = 0; e < a->q->edges; e++)
-        fold(a->q, e, to->far[0][0], FAR_POINTS * SOURCE_LANES);
+        fold(a->q, e, (double *)(void *)to->far, FAR_POINTS * SOURCE_LANES);
     for (size_t i = 0; i < a->q->m->vertices; i++) {
         for (int p = 0; p < FAR_POINTS; p++) {
             const double *from = to->far[i][p];
@@ -371,7 +371,7 @@ static void sum_row(const assembly *a, row_sums *s) {
     take_far(a, s, false);
     add_mass(a, s);
     for (uint32_t e = 0; e < a->q->edges; e++) {
-        if (s->used[e] != 0) fold(a->q, e, s->node[0], ROW_LANES);
+        if (s->used[e] != 0) fold(a->q, e, (double *)(void *)s->node, ROW_LANES);
         s->used[e] = 0;
     }
 }
