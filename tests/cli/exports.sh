@@ -53,6 +53,8 @@ for touch in "0.4 0.4 0 edge" "0.4 0.4 0.4 corner"; do
     $palp subdivide shared.obj -o read.obj --levels 0 --component 1 > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq 8 ] && grep -q 'touches itself' err.txt
     ok $? "two cubes that share an $4 are two bodies: $(head -1 err.txt)"
 done
+awk '/^v / {printf "v %.9g %.9g %.9g\n", 654321 + 0.03 * $2, 5432109 + 0.03 * $3, 0.03 * $4; next} {print}' ball.obj > digits.obj
+refuses 1 "lost their digits" "a body whose places have too few digits, far from the origin" $palp remesh digits.obj -o out.obj
 
 # palp check.
 $palp check ball.obj > check.txt 2> err.txt && [ ! -s err.txt ] && grep -q 'size  .* cm' check.txt && grep -q 'genus 0' check.txt && grep -q 'wall  ' check.txt && grep -q 'nodes, 4 levels with --levels 3' check.txt

@@ -298,6 +298,8 @@ static void require_manifold_vertices(const mesh *m, const char *path) {
     free(valence);
 }
 
+#define FAR_SIZES 1e3 /* distance over size beyond which a file's digits run out */
+
 static void require_sound_triangles(const mesh *m, const char *path) {
     double scale = mesh_diagonal(m);
     for (uint32_t i = 0; i < m->triangles; i++) {
@@ -306,7 +308,12 @@ static void require_sound_triangles(const mesh *m, const char *path) {
         triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
         bool repeated = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
         if (repeated || !(v_norm(n) > 1e-14 * scale * scale)) {
-            die(EXIT_WORK, "%s: triangle %" PRIu32 " (0-based) has no area: collapse it", path, i);
+            const double *x = m->x[t[0]], far = v_norm(x);
+            die(EXIT_WORK, "%s: triangle %" PRIu32 " (0-based) has no area: %s", path, i,
+                far > FAR_SIZES * scale
+                    ? "the body lies so far from the origin that its vertices have lost "
+                      "their digits: export it at the origin"
+                    : "collapse it");
         }
     }
 }
