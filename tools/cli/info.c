@@ -64,8 +64,9 @@ static void size_of(const palp_blob *b, double size[3]) {
     for (size_t k = 0; k < 3; k++) {
         double low = HUGE_VAL, high = -HUGE_VAL;
         for (size_t i = 0; i < b->meta->nodes; i++) {
-            low = fmin(low, (double)b->rest_m[3 * i + k]);
-            high = fmax(high, (double)b->rest_m[3 * i + k]);
+            double x = (double)b->rest_m[3 * i + k];
+            if (x < low) low = x;
+            if (x > high) high = x;
         }
         size[k] = high - low;
     }

@@ -105,7 +105,9 @@ void study_case_bake(study_case *c, const body_spec *body, uint32_t finest) {
     bool coarse = c->stored + 1 < c->levels;
     body_require_memory(body, &c->m, coarse ? f->level_start[c->stored + 1] : c->m.vertices,
                         coarse);
-    c->g = body_greens(body, &c->m, c->fixed, &d, c->stored, false);
+    body_spec paper = *body; /* its figures are of its own method */
+    paper.collocation = true;
+    c->g = body_greens(&paper, &c->m, c->fixed, &d, c->stored, false);
     c->seconds = now_s() - start;
     domains_free(&d);
 }
