@@ -61,7 +61,7 @@ static void test_split(const baked *b) {
 }
 
 static void test_across(const baked *b) {
-    uint32_t *across = regular_across(&b->m);
+    uint32_t *across = mesh_across(&b->m);
     bool mutual = true;
     for (uint32_t t = 0; t < b->m.triangles; t++) {
         for (uint32_t k = 0; k < 3; k++) {

@@ -3,7 +3,6 @@
 #include "port/host/parallel.h"
 #include "tools/mesh/crossing.h"
 #include "tools/mesh/remesh.h"
-#include "tools/mesh/thickness.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -253,26 +252,6 @@ void body_require_memory(const body_spec *s, const mesh *m, double columns, bool
         has_levels ? ", or --constraint-level for Green's functions of coarse levels only" : "");
 }
 
-/* What contact on plates changed by, in the mean, when they were baked twice as fine: 9, 6 and 4 %
- * at walls of 1/2, 1 and 2 edges (tests/check/solids.sh has what bending is off by). */
-static void warn_of_thin_walls(const mesh *m) {
-    double *thickness = mesh_thickness(m, 1), thinnest = HUGE_VAL, wall = 0, at[3] = {0};
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        double edge = 0;
-        for (int k = 0; k < 3; k++)
-            edge = fmax(edge, v_distance(m->x[m->t[t][k]], m->x[m->t[t][(k + 1) % 3]]));
-        if (!(thickness[t] < thinnest * edge)) continue;
-        thinnest = thickness[t] / edge;
-        wall = thickness[t];
-        memcpy(at, m->x[m->t[t][0]], sizeof at);
-    }
-    free(thickness);
-    if (thinnest >= 0.5) return;
-    warn("the wall near (%.4g, %.4g, %.4g) is %.2g mm thick, %.2g of an edge: forces there may be "
-         "off by about %.0f %%; a mesh with edges of that length halves this",
-         at[0], at[1], at[2], 1e3 * wall, thinnest, 6 * pow(thinnest, -0.6));
-}
-
 greens body_greens(const body_spec *s, const mesh *m, const uint8_t *fixed, const domains *d,
                    uint32_t level, bool raw) {
     bool coarse = level + 1 < d->domain[PALP_FREE].view.levels;
@@ -291,7 +270,6 @@ greens body_greens(const body_spec *s, const mesh *m, const uint8_t *fixed, cons
     } else if (s->collocation || raw) {
         g = greens_from_bem(m, fixed, &material, s->density);
     } else {
-        warn_of_thin_walls(m);
         g = greens_from_galerkin(m, fixed, &material, s->density);
     }
     greens_reciprocity(&g, m, !raw);

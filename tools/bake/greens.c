@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/bake/greens.h"
-#include "tools/bake/particular.h"
+#include "tools/bake/rbvp.h"
 #include "tools/solver/dense.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
@@ -195,11 +195,6 @@ static void solve_columns(const rbvp *p) {
 typedef struct {
     uint8_t *known, *dropped;
 } corners;
-
-static bool all_fixed(const mesh *m, const uint8_t *fixed, uint32_t triangle) {
-    const uint32_t *t = m->t[triangle];
-    return fixed[t[0]] != 0 && fixed[t[1]] != 0 && fixed[t[2]] != 0;
-}
 
 static corners find_corners(const mesh *m, const uint8_t *fixed, bool crisp) {
     corners c = {.known = allocate(3 * (size_t)m->triangles, 1)};
@@ -496,18 +491,6 @@ static void enforce_definiteness(greens *g) {
     }
     free(a);
     free(node);
-}
-
-/* Rigid mode `mode` (three translations, three rotations about the origin) at x. */
-static void rigid_mode(const double x[3], size_t mode, double u[3]) {
-    double axis[3] = {0};
-    memset(u, 0, 3 * sizeof *u);
-    if (mode < 3) {
-        u[mode] = 1;
-        return;
-    }
-    axis[mode - 3] = 1;
-    v_cross(axis, x, u);
 }
 
 /* (R_U^T R_U)^-1 R_U^T as w[6][3 nodes], zero at free nodes. */

@@ -38,8 +38,9 @@ greens greens_from_bem(const mesh *m, const uint8_t *fixed, const bem_material *
                        double density_kg_m3);
 
 /* The same by Galerkin boundary elements (tools/solver/galerkin.h): symmetric and positive definite
- * by construction. Displacements are means under hats, forces act spread over them, on the fixed
- * patch alone where there is one. Cost: 7/3 (3n)^3 flops and the integrals. */
+ * by construction. Displacements are means under hats, forces act spread over them; a fixed patch
+ * ends at edges of the body, on a smooth surface halfway to the next node, with material->crisp at
+ * its own triangles. Cost: 7/3 (3n)^3 flops and the integrals. */
 greens greens_from_galerkin(const mesh *m, const uint8_t *fixed, const bem_material *material,
                             double density_kg_m3);
 

@@ -110,24 +110,6 @@ static void add_node(const half_space *s, uint32_t k, uint32_t l, const double n
 
 /* ---- hats of k and l ---- */
 
-/* Corner numbers of t and u with those of common vertices first; returns how many there are. */
-static uint32_t common_first(const uint32_t *t, const uint32_t *u, size_t of_t[3], size_t of_u[3]) {
-    uint32_t common = 0, nt = 0, nu = 0;
-    bool in_t[3] = {0}, in_u[3] = {0};
-    for (size_t i = 0; i < 9; i++) {
-        if (t[i / 3] != u[i % 3]) continue;
-        in_t[i / 3] = in_u[i % 3] = true;
-        of_t[common] = i / 3;
-        of_u[common++] = i % 3;
-    }
-    nt = nu = common;
-    for (size_t i = 0; i < 3; i++) {
-        if (!in_t[i]) of_t[nt++] = i;
-        if (!in_u[i]) of_u[nu++] = i;
-    }
-    return common;
-}
-
 static void add_point_pair(const half_space *s, const uint32_t *t, const uint32_t *u,
                            const double x[3], const double y[3], double weight, const double n[3],
                            double nu, double block[9]) {
@@ -140,8 +122,9 @@ static void add_point_pair(const half_space *s, const uint32_t *t, const uint32_
 /* Over one triangle of the star of k and one of that of l. */
 static void add_pair(const half_space *s, const uint32_t *t, const uint32_t *u, uint32_t k,
                      uint32_t l, const double n[3], double nu, double block[9]) {
-    size_t of_t[3], of_u[3], hat_k = corner_of(t, k), hat_l = corner_of(u, l);
-    uint32_t common = common_first(t, u, of_t, of_u);
+    uint32_t of_t[3], of_u[3];
+    size_t hat_k = corner_of(t, k), hat_l = corner_of(u, l);
+    uint32_t common = pair_common_first(t, u, of_t, of_u);
     double area = twice_area(s->m, t) * twice_area(s->m, u) / (s->star_area[k] * s->star_area[l]);
     if (common == 0) {
         const triangle_rule *rule = &s->apart;

@@ -12,23 +12,6 @@
 #define SPARE_MODES 16u
 #define ITERATIONS 6u
 
-uint32_t *regular_across(const mesh *m) {
-    uint32_t count;
-    mesh_edge *edge = mesh_edges(m, &count);
-    uint32_t *across = allocate(3 * (size_t)m->triangles, sizeof *across);
-    for (uint32_t e = 0; e < count; e++) {
-        for (int side = 0; side < 2; side++) {
-            const uint32_t *t = m->t[edge[e].triangle[side]];
-            for (size_t k = 0; k < 3; k++) {
-                if (t[k] == edge[e].a || t[k] == edge[e].b) continue;
-                across[3 * (size_t)edge[e].triangle[side] + k] = edge[e].triangle[1 - side];
-            }
-        }
-    }
-    free(edge);
-    return across;
-}
-
 /* ---- the modes ---- */
 
 typedef struct {
@@ -148,7 +131,7 @@ static size_t choose_modes(regular_data *r, size_t n, uint32_t modes) {
 regular_data regular_build(const regular_body *body, double *x, uint32_t modes) {
     const palp_domain *d = &body->h->domain;
     const size_t n = 3 * (size_t)d->level_start[body->level + 1];
-    regular_data r = {.across = regular_across(body->m),
+    regular_data r = {.across = mesh_across(body->m),
                       .triangle = allocate(body->m->vertices, sizeof *r.triangle)};
     for (uint32_t t = 0; t < body->m->triangles; t++) {
         for (int k = 0; k < 3; k++) r.triangle[body->m->t[t][k]] = t;
@@ -257,7 +240,7 @@ regular_data regular_build_nodes(const regular_body *body, const regular_nodes *
 }
 
 void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner) {
-    r->across = regular_across(m);
+    r->across = mesh_across(m);
     r->triangle = allocate(m->vertices, sizeof *r->triangle);
     for (uint32_t t = 0; t < m->triangles; t++) {
         for (size_t k = 0; k < 3; k++) {

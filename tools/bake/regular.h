@@ -57,7 +57,4 @@ void regular_close_borders(regular_data *r, const mesh *m, const uint8_t *inner)
 
 void regular_free(regular_data *r);
 
-/* across[triangles][3]: the triangle beyond the edge that faces each corner; to be freed. */
-uint32_t *regular_across(const mesh *m);
-
 #endif

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/bvh.h"
+#include "tools/mesh/nearest.h"
 #include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -125,45 +126,6 @@ static double box_distance2(const box *b, const double x[3]) {
     return sum;
 }
 
-/* Closest point of triangle (a, b, c) to x, by the Voronoi regions of its features (Ericson 2005).
- */
-static void closest_on_triangle(const double x[3], const double a[3], const double b[3],
-                                const double c[3], double p[3]) {
-    double ab[3], ac[3], ax[3], bx[3], cx[3];
-    v_sub(b, a, ab);
-    v_sub(c, a, ac);
-    v_sub(x, a, ax);
-    v_sub(x, b, bx);
-    v_sub(x, c, cx);
-    double d1 = v_dot(ab, ax), d2 = v_dot(ac, ax), d3 = v_dot(ab, bx), d4 = v_dot(ac, bx);
-    double d5 = v_dot(ab, cx), d6 = v_dot(ac, cx);
-    double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
-    double s, t; /* p = a + s ab + t ac */
-    if (d1 <= 0 && d2 <= 0) {
-        s = t = 0;
-    } else if (d3 >= 0 && d4 <= d3) {
-        s = 1;
-        t = 0;
-    } else if (d6 >= 0 && d5 <= d6) {
-        s = 0;
-        t = 1;
-    } else if (vc <= 0 && d1 >= 0 && d3 <= 0) {
-        s = d1 / (d1 - d3);
-        t = 0;
-    } else if (vb <= 0 && d2 >= 0 && d6 <= 0) {
-        s = 0;
-        t = d2 / (d2 - d6);
-    } else if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
-        t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        s = 1 - t;
-    } else {
-        double sum = va + vb + vc;
-        s = vb / sum;
-        t = vc / sum;
-    }
-    for (int k = 0; k < 3; k++) p[k] = a[k] + s * ab[k] + t * ac[k];
-}
-
 double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
                    double point[3], double facing[3]) {
     uint32_t stack[128];
@@ -183,9 +145,9 @@ double bvh_closest(const bvh *b, const double x[3], const double *normal, double
         }
         for (uint32_t i = n->first; i < n->first + n->count; i++) {
             const uint32_t *t = b->m->t[b->order[i]];
-            double p[3], d[3];
+            double p[3], d[3], corner[3];
             if (normal != NULL && v_dot(normal, b->normal[b->order[i]]) < cosine) continue;
-            closest_on_triangle(x, b->m->x[t[0]], b->m->x[t[1]], b->m->x[t[2]], p);
+            (void)nearest_on_triangle(x, b->m->x[t[0]], b->m->x[t[1]], b->m->x[t[2]], corner, p);
             v_sub(p, x, d);
             if (v_dot(d, d) >= best) continue;
             best = v_dot(d, d);

@@ -1,46 +1,51 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/components.h"
 #include "port/host/util.h"
+#include "tools/mesh/union_find.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 
-static uint32_t root_of(uint32_t *parent, uint32_t v) {
-    while (parent[v] != v) {
-        parent[v] = parent[parent[v]];
-        v = parent[v];
-    }
-    return v;
+/* A component as it was met, and its area. */
+typedef struct {
+    double area;
+    uint32_t met;
+} sized;
+
+/* Larger ones first, then in the order in which they were met. */
+static int compare_sizes(const void *a, const void *b) {
+    const sized *p = a, *q = b;
+    if (p->area < q->area || p->area > q->area) return p->area > q->area ? -1 : 1;
+    return p->met < q->met ? -1 : 1;
 }
 
 mesh_components mesh_find_components(const mesh *m) {
     mesh_components c = {.of = allocate(m->triangles, sizeof *c.of)};
     uint32_t *parent = allocate(m->vertices, sizeof *parent);
-    uint32_t *number = allocate(m->vertices, sizeof *number), *order;
-    double *area = allocate(m->vertices, sizeof *area);
+    uint32_t *number = allocate(m->vertices, sizeof *number); /* of each set, from 1; 0: not met */
     for (uint32_t v = 0; v < m->vertices; v++) parent[v] = v;
     for (uint32_t t = 0; t < m->triangles; t++) {
-        for (int k = 1; k < 3; k++) {
-            uint32_t a = root_of(parent, m->t[t][0]), b = root_of(parent, m->t[t][k]);
-            parent[a > b ? a : b] = a > b ? b : a;
-        }
+        for (int k = 1; k < 3; k++) set_join(parent, m->t[t][0], m->t[t][k]);
     }
     for (uint32_t t = 0; t < m->triangles; t++) {
-        const uint32_t *v = m->t[t], root = root_of(parent, v[0]);
-        double n[3];
-        if (number[root] == 0) number[root] = ++c.count;
-        triangle_normal(m->x[v[0]], m->x[v[1]], m->x[v[2]], n);
-        c.of[t] = number[root] - 1;
-        area[c.of[t]] += v_norm(n);
+        const uint32_t set = set_of(parent, m->t[t][0]);
+        if (number[set] == 0) number[set] = ++c.count;
+        c.of[t] = number[set] - 1;
     }
-    order = allocate(c.count, sizeof *order); /* place of each by falling area */
+    sized *size = allocate(c.count, sizeof *size);
+    uint32_t *place = allocate(c.count, sizeof *place);
     c.triangles = allocate(c.count, sizeof *c.triangles);
-    for (uint32_t a = 0; a < c.count; a++) {
-        for (uint32_t b = 0; b < c.count; b++)
-            order[a] += area[b] > area[a] || (b < a && !(area[b] < area[a]));
+    for (uint32_t i = 0; i < c.count; i++) size[i].met = i;
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        const uint32_t *v = m->t[t];
+        double n[3];
+        triangle_normal(m->x[v[0]], m->x[v[1]], m->x[v[2]], n);
+        size[c.of[t]].area += v_norm(n);
     }
-    for (uint32_t t = 0; t < m->triangles; t++) c.triangles[c.of[t] = order[c.of[t]]]++;
-    void *owned[] = {parent, number, order, area};
+    qsort(size, c.count, sizeof *size, compare_sizes);
+    for (uint32_t i = 0; i < c.count; i++) place[size[i].met] = i;
+    for (uint32_t t = 0; t < m->triangles; t++) c.triangles[c.of[t] = place[c.of[t]]]++;
+    void *owned[] = {parent, number, size, place};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return c;
 }

@@ -361,6 +361,23 @@ void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring) {
     free(pair);
 }
 
+uint32_t *mesh_across(const mesh *m) {
+    uint32_t count;
+    mesh_edge *edge = mesh_edges(m, &count);
+    uint32_t *across = allocate(3 * (size_t)m->triangles, sizeof *across);
+    for (uint32_t e = 0; e < count; e++) {
+        for (int side = 0; side < 2; side++) {
+            const uint32_t *t = m->t[edge[e].triangle[side]];
+            for (size_t k = 0; k < 3; k++) {
+                if (t[k] == edge[e].a || t[k] == edge[e].b) continue;
+                across[3 * (size_t)edge[e].triangle[side] + k] = edge[e].triangle[1 - side];
+            }
+        }
+    }
+    free(edge);
+    return across;
+}
+
 void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle) {
     *offset = allocate(m->vertices + 1u, sizeof **offset);
     *triangle = allocate(3 * (size_t)m->triangles, sizeof **triangle);
@@ -420,6 +437,14 @@ void require_near_origin(double (*x)[3], uint32_t count, const char *path) {
         warn("%s: the body is %.3g m large and lies %.3g m from the origin: single precision moves "
              "its vertices by up to %.2g m",
              path, extent, farthest, rounding);
+}
+
+double mesh_longest_edge(const mesh *m, uint32_t triangle) {
+    const uint32_t *t = m->t[triangle];
+    double longest = 0;
+    for (int k = 0; k < 3; k++)
+        longest = fmax(longest, v_distance(m->x[t[k]], m->x[t[(k + 1) % 3]]));
+    return longest;
 }
 
 double mesh_mean_edge(const mesh *m) {

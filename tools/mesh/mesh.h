@@ -70,6 +70,9 @@ void mesh_require_closed(mesh *m, const char *path);
 /* All edges of a closed manifold mesh, sorted by (a, b); *count = 3 triangles / 2. */
 mesh_edge *mesh_edges(const mesh *m, uint32_t *count);
 
+/* [triangles][3]: the triangle beyond the edge that faces each corner; to be freed. */
+uint32_t *mesh_across(const mesh *m);
+
 /* Neighbours of each vertex: ring[offset[i]..offset[i+1]), ascending. */
 void mesh_rings(const mesh *m, uint32_t **offset, uint32_t **ring);
 
@@ -86,6 +89,7 @@ double mesh_volume(const mesh *m);
 void mesh_extent(const mesh *m, double size[3]); /* of the bounding box */
 double mesh_diagonal(const mesh *m);
 double mesh_mean_edge(const mesh *m);
+double mesh_longest_edge(const mesh *m, uint32_t triangle);
 /* Integral of each vertex' hat function (MR 4) and the angle-weighted outward unit normals. */
 void mesh_nodal(const mesh *m, double *area, double (*normal)[3]);
 double mesh_smallest_angle_deg(const mesh *m);

@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/meshsplit.h"
 #include "port/host/util.h"
+#include "tools/mesh/union_find.h"
 #include <stdlib.h>
 #include <string.h>
 
 #define MOST_AROUND 16 /* triangles at one edge that are told apart */
 
-/* Corners, 3 triangle + corner, joined where triangles belong together. */
-static uint32_t root_of(uint32_t *parent, uint32_t c) {
-    while (parent[c] != c) c = parent[c] = parent[parent[c]];
-    return c;
-}
-
+/* Corners are numbered 3 triangle + corner, and joined where triangles belong together. */
 static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t vertex) {
     const uint32_t *t = m->t[triangle];
     return 3 * triangle + (t[0] == vertex ? 0 : t[1] == vertex ? 1 : 2);
@@ -19,11 +15,8 @@ static uint32_t corner_at(const mesh *m, uint32_t triangle, uint32_t vertex) {
 
 static void join(const mesh *m, uint32_t *parent, const half_edge *a, const half_edge *b) {
     const uint32_t end[2] = {a->low, a->high};
-    for (int i = 0; i < 2; i++) {
-        uint32_t p = root_of(parent, corner_at(m, a->triangle, end[i]));
-        uint32_t q = root_of(parent, corner_at(m, b->triangle, end[i]));
-        parent[p > q ? p : q] = p > q ? q : p;
-    }
+    for (int i = 0; i < 2; i++)
+        set_join(parent, corner_at(m, a->triangle, end[i]), corner_at(m, b->triangle, end[i]));
 }
 
 typedef struct {
@@ -90,7 +83,7 @@ uint32_t mesh_split_touching(mesh *m) {
     size_t room = 0;
     double(*x)[3] = NULL;
     for (size_t c = 0; c < total && resolved; c++) {
-        uint32_t v = m->t[c / 3][c % 3], root = root_of(parent, (uint32_t)c);
+        uint32_t v = m->t[c / 3][c % 3], root = set_of(parent, (uint32_t)c);
         if (root != c) continue;
         name[c] = v;
         if (taken[v]) {
@@ -107,7 +100,7 @@ uint32_t mesh_split_touching(mesh *m) {
         free(m->x);
         m->x = all;
         m->vertices += added;
-        for (size_t c = 0; c < total; c++) m->t[c / 3][c % 3] = name[root_of(parent, (uint32_t)c)];
+        for (size_t c = 0; c < total; c++) m->t[c / 3][c % 3] = name[set_of(parent, (uint32_t)c)];
     }
     void *owned[] = {parent, name, taken, x};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);

@@ -9,26 +9,11 @@
 enum { UNKNOWN, EVEN, ODD };
 #define SEED_TRIES 8u
 
-static void build_around(level_mesh *m) {
-    m->offset = allocate(m->vertices + 1u, sizeof *m->offset);
-    m->around = allocate(3 * (size_t)m->triangles, sizeof *m->around);
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        for (int k = 0; k < 3; k++) m->offset[m->t[i][k] + 1]++;
-    }
-    for (uint32_t i = 0; i < m->vertices; i++) m->offset[i + 1] += m->offset[i];
-    uint32_t *at = allocate(m->vertices, sizeof *at);
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        for (int k = 0; k < 3; k++) {
-            uint32_t v = m->t[i][k];
-            m->around[m->offset[v] + at[v]++] = i;
-        }
-    }
-    free(at);
-}
-
 level_mesh level_mesh_of(const uint32_t (*t)[3], uint32_t triangles, uint32_t vertices) {
     level_mesh m = {.vertices = vertices, .triangles = triangles, .t = t};
-    build_around(&m);
+    const mesh view = {
+        .vertices = vertices, .triangles = triangles, .t = (uint32_t(*)[3])(uintptr_t)t};
+    mesh_stars(&view, &m.offset, &m.around);
     return m;
 }
 

@@ -2,6 +2,7 @@
 #include "tools/solver/bem.h"
 #include "port/host/parallel.h"
 #include "port/host/util.h"
+#include "tools/mesh/nearest.h"
 #include "tools/solver/gauss.h"
 #include <math.h>
 #include <stdlib.h>
@@ -68,23 +69,6 @@ static double distance_to_segment(const double x[3], const double a[3], const do
     return v_distance(x, p);
 }
 
-static double distance_to_triangle(const double x[3], double c[3][3], const double normal[3]) {
-    double d[3];
-    v_sub(x, c[0], d);
-    double height = v_dot(d, normal);
-    double foot[3];
-    for (int k = 0; k < 3; k++) foot[k] = x[k] - height * normal[k];
-    bool inside = true;
-    double nearest = HUGE_VAL;
-    for (int k = 0; k < 3; k++) {
-        double n[3];
-        triangle_normal(c[k], c[(k + 1) % 3], foot, n);
-        inside = inside && v_dot(n, normal) >= 0;
-        nearest = fmin(nearest, distance_to_segment(x, c[k], c[(k + 1) % 3]));
-    }
-    return inside ? fabs(height) : nearest;
-}
-
 static double longest_edge(double c[3][3]) {
     return fmax(v_distance(c[0], c[1]), fmax(v_distance(c[1], c[2]), v_distance(c[2], c[0])));
 }
@@ -99,7 +83,8 @@ static void integrate_regular(hat_moments moments[3], const element *e, const do
             for (int a = 0; a < 3; a++) c[i][a] += corner[i][k] * e->corner[k][a];
         }
     }
-    double ratio = 2 * distance_to_triangle(x, c, e->normal) / longest_edge(c);
+    double nearest[3], place[3];
+    double ratio = 2 * nearest_on_triangle(x, c[0], c[1], c[2], nearest, place) / longest_edge(c);
     uint32_t order = gauss_order(ratio, tolerance);
     if (order > MAX_ORDER && depth < MAX_SPLITS) {
         double mid[3][3];

@@ -208,25 +208,25 @@ static void solve_lower(const double *l, size_t stride, double *b, size_t b_stri
     solve_lower(l + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m, unit);
 }
 
-/* B := U^-1 B, U upper triangular (n x n) */
-static void solve_upper(const double *u, size_t stride, double *b, size_t b_stride, size_t n,
-                        size_t m) {
+/* B := U^-1 B, U upper triangular (n x n), or the transpose of a lower one */
+static void solve_upper(view u, double *b, size_t b_stride, size_t n, size_t m) {
     if (n <= LEAF) {
         for (size_t i = n; i-- > 0;) {
             for (size_t k = i + 1; k < n; k++) {
-                double factor = u[i * stride + k];
+                double factor = u.at[i * u.row + k * u.step];
                 for (size_t j = 0; j < m; j++) b[i * b_stride + j] -= factor * b[k * b_stride + j];
             }
-            double pivot = u[i * stride + i];
+            double pivot = u.at[i * (u.row + u.step)];
             for (size_t j = 0; j < m; j++) b[i * b_stride + j] /= pivot;
         }
         return;
     }
     size_t half = n / 2;
-    solve_upper(u + half * stride + half, stride, b + half * b_stride, b_stride, n - half, m);
-    dense_subtract_product(b, b_stride, u + half, stride, b + half * b_stride, b_stride, half, m,
-                           n - half);
-    solve_upper(u, stride, b, b_stride, half, m);
+    view corner = {u.at + half * (u.row + u.step), u.row, u.step};
+    view right = {u.at + half * u.step, u.row, u.step};
+    solve_upper(corner, b + half * b_stride, b_stride, n - half, m);
+    subtract(b, b_stride, right, (view){b + half * b_stride, b_stride, 1}, half, m, n - half);
+    solve_upper(u, b, b_stride, half, m);
 }
 
 /* ---- factorisation ---- */
@@ -291,7 +291,7 @@ void dense_lu_solve(const double *lu, size_t n, size_t stride, const uint32_t *p
                     size_t b_stride, size_t m) {
     for (size_t i = 0; i < n; i++) swap_rows(b, b_stride, m, i, perm[i]);
     solve_lower(lu, stride, b, b_stride, n, m, true);
-    solve_upper(lu, stride, b, b_stride, n, m);
+    solve_upper((view){lu, stride, 1}, b, b_stride, n, m);
 }
 
 /* ---- Cholesky ---- */
@@ -353,29 +353,7 @@ void dense_lower_solve(const double *l, size_t n, size_t stride, double *b, size
     solve_lower(l, stride, b, b_stride, n, m, false);
 }
 
-/* B := L^-T B */
-static void solve_lower_transposed(const double *l, size_t stride, double *b, size_t b_stride,
-                                   size_t n, size_t m) {
-    if (n <= LEAF) {
-        for (size_t i = n; i-- > 0;) {
-            for (size_t k = i + 1; k < n; k++) {
-                double factor = l[k * stride + i];
-                for (size_t j = 0; j < m; j++) b[i * b_stride + j] -= factor * b[k * b_stride + j];
-            }
-            double pivot = l[i * stride + i];
-            for (size_t j = 0; j < m; j++) b[i * b_stride + j] /= pivot;
-        }
-        return;
-    }
-    size_t half = n / 2;
-    solve_lower_transposed(l + half * stride + half, stride, b + half * b_stride, b_stride,
-                           n - half, m);
-    subtract(b, b_stride, (view){l + half * stride, 1, stride},
-             (view){b + half * b_stride, b_stride, 1}, half, m, n - half);
-    solve_lower_transposed(l, stride, b, b_stride, half, m);
-}
-
 void dense_lower_solve_transposed(const double *l, size_t n, size_t stride, double *b,
                                   size_t b_stride, size_t m) {
-    solve_lower_transposed(l, stride, b, b_stride, n, m);
+    solve_upper((view){l, 1, stride}, b, b_stride, n, m);
 }

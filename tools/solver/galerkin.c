@@ -6,7 +6,7 @@
 #include "tools/solver/kernel_sums.h"
 #include "tools/solver/near_field.h"
 #include "tools/solver/pairs.h"
-#include "tools/mesh/thickness.h"
+#include "tools/mesh/nearest.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -90,7 +90,7 @@ static void add_pair_sums(const assembly *a, row_sums *to, uint32_t source, pair
 /* ---- three kinds of pairs ---- */
 
 static void add_touching(const assembly *a, row_sums *to, uint32_t source, uint32_t common,
-                         const int order_x[3], const int order_y[3], double lower) {
+                         const uint32_t order_x[3], const uint32_t order_y[3], double lower) {
     uint32_t n = a->size[to->row].touching;
     if (a->size[source].touching > n) n = a->size[source].touching;
     const pair_rule *rule = &a->touching[common][n];
@@ -98,7 +98,8 @@ static void add_touching(const assembly *a, row_sums *to, uint32_t source, uint3
     surface_point list[TOUCHING_MOST * TOUCHING_MOST];
     for (uint32_t g = 0; g < rule->groups; g++) {
         const pair_group *group = &rule->group[g];
-        const int *own = group->in_x ? order_x : order_y, *other = group->in_x ? order_y : order_x;
+        const uint32_t *own = group->in_x ? order_x : order_y,
+                       *other = group->in_x ? order_y : order_x;
         double corner[3];
         for (uint32_t i = 0; i < group->count; i++) {
             const pair_partner *p = &rule->partner[group->first + i];
@@ -131,7 +132,8 @@ static void add_near(const assembly *a, row_sums *to, uint32_t source, double lo
     pair_sums sums = {0};
     for (uint32_t i = 0; i < rule->points; i++) {
         surface_point x = surface_point_at(q, to->row, rule->corner[i], rule->weight[i]);
-        double apex[3], far = nearest_on_triangle(x.at, cy, apex);
+        double apex[3], place[3];
+        double far = nearest_on_triangle(x.at, cy[0], cy[1], cy[2], apex, place);
         uint32_t n = gauss_order(2 * far / longest, TOLERANCE);
         source_sums s = {0};
         if (n <= KEPT_ORDERS) {
@@ -214,32 +216,10 @@ WIDE static void take_far(const assembly *a, row_sums *to, bool to_d) {
     }
 }
 
-/* The common corners first, in the same order: order_x[i] and order_y[i] are the same vertex. */
-static uint32_t match_corners(const uint32_t *x, const uint32_t *y, int order_x[3],
-                              int order_y[3]) {
-    uint32_t common = 0;
-    bool used_x[3] = {0}, used_y[3] = {0};
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            if (x[i] != y[j]) continue;
-            order_x[common] = i;
-            order_y[common++] = j;
-            used_x[i] = used_y[j] = true;
-        }
-    }
-    if (common == 0) return 0;
-    uint32_t nx = common, ny = common;
-    for (int i = 0; i < 3; i++) {
-        if (!used_x[i]) order_x[nx++] = i;
-        if (!used_y[i]) order_y[ny++] = i;
-    }
-    return common;
-}
-
 static void add_pair(const assembly *a, row_sums *to, uint32_t source) {
     double lower = source < to->row ? 1 : source == to->row ? 0.5 : 0;
-    int order_x[3], order_y[3];
-    uint32_t common = match_corners(a->q->m->t[to->row], a->q->m->t[source], order_x, order_y);
+    uint32_t order_x[3], order_y[3];
+    uint32_t common = pair_common_first(a->q->m->t[to->row], a->q->m->t[source], order_x, order_y);
     if (common > 0) {
         add_touching(a, to, source, common, order_x, order_y, lower);
         return;
@@ -448,11 +428,10 @@ static uint32_t touching_order(double slender, double thin) {
 static triangle_size size_of(const quadratic_surface *q, uint32_t t, double thin) {
     const mesh *m = q->m;
     const uint32_t *v = m->t[t];
-    triangle_size s = {.radius = 0};
+    triangle_size s = {.longest = mesh_longest_edge(m, t)};
     double normal[3];
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < 3; k++) s.center[k] += m->x[v[i]][k] / 3;
-        s.longest = fmax(s.longest, v_distance(m->x[v[i]], m->x[v[(i + 1) % 3]]));
     }
     for (int i = 0; i < 6; i++)
         s.radius = fmax(s.radius, v_distance(s.center, quadratic_node(q, t, i)));
@@ -480,10 +459,10 @@ static void prepare(assembly *a) {
         r->y = allocate(3 * NEAR_ORDER * NEAR_ORDER, sizeof *r->y);
     }
     a->size = allocate(m->triangles, sizeof *a->size);
-    double *thickness = mesh_thickness(m, 1), diagonal = mesh_diagonal(m);
+    double diagonal = mesh_diagonal(m);
     for (uint32_t t = 0; t < m->triangles; t++)
-        a->size[t] = size_of(a->q, t, thickness[t] / diagonal);
-    free(thickness);
+        a->size[t] = size_of(
+            a->q, t, a->problem->thickness != NULL ? a->problem->thickness[t] / diagonal : 1);
     for (uint32_t n = 2; n <= KEPT_ORDERS; n++) {
         const triangle_rule *rule = &a->rule[n];
         a->kept[n] = allocate_aligned((size_t)m->triangles * rule->points, sizeof *a->kept[n]);

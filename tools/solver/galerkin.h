@@ -29,6 +29,8 @@
 
 typedef struct {
     double young_Pa, poisson;
+    const double
+        *thickness;   /* [triangles]: of the wall there (tools/mesh/thickness.h); NULL: thick */
     double origin[3]; /* from which the depth in a body's weight counts */
     /* [3 triangles]: hats that a corner's node does not have on that triangle; NULL: none. A fixed
      * node keeps its reaction on the fixed patch, so that none leaks over the rim. */

@@ -1,46 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/solver/near_field.h"
+#include "tools/mesh/nearest.h"
 #include "tools/solver/gauss.h"
 #include <string.h>
-
-/* The nearest place on a segment as the share of b; returns the distance. */
-static double nearest_on_segment(const double x[3], const double a[3], const double b[3],
-                                 double *share) {
-    double ab[3], ax[3], p[3];
-    v_sub(b, a, ab);
-    v_sub(x, a, ax);
-    double t = v_dot(ax, ab) / v_dot(ab, ab);
-    *share = t = t < 0 ? 0 : t > 1 ? 1 : t;
-    for (int k = 0; k < 3; k++) p[k] = a[k] + t * ab[k];
-    return v_distance(x, p);
-}
-
-double nearest_on_triangle(const double x[3], const double *const c[3], double corner[3]) {
-    double normal[3], d[3], foot[3], nearest = HUGE_VAL;
-    triangle_normal(c[0], c[1], c[2], normal);
-    double area2 = v_norm(normal);
-    v_normalize(normal);
-    v_sub(x, c[0], d);
-    double height = v_dot(d, normal);
-    for (int k = 0; k < 3; k++) foot[k] = x[k] - height * normal[k];
-    bool inside = true;
-    double weight[3];
-    for (int k = 0; k < 3; k++) {
-        double n[3], share;
-        triangle_normal(c[k], c[(k + 1) % 3], foot, n);
-        weight[(k + 2) % 3] = v_dot(n, normal) / area2;
-        inside = inside && v_dot(n, normal) >= 0;
-        double far = nearest_on_segment(x, c[k], c[(k + 1) % 3], &share);
-        if (far >= nearest) continue;
-        nearest = far;
-        corner[k] = 1 - share;
-        corner[(k + 1) % 3] = share;
-        corner[(k + 2) % 3] = 0;
-    }
-    if (!inside) return nearest;
-    memcpy(corner, weight, sizeof weight);
-    return fabs(height);
-}
 
 /* Where the nearest places of two segments lie inside both; HUGE_VAL where an end is nearer. */
 static double inner_distance(const double a[3], const double b[3], const double c[3],
@@ -59,10 +21,10 @@ static double inner_distance(const double a[3], const double b[3], const double 
 }
 
 double triangle_distance(const double *const p[3], const double *const q[3]) {
-    double nearest = HUGE_VAL, corner[3];
+    double nearest = HUGE_VAL, corner[3], place[3];
     for (int i = 0; i < 3; i++) {
-        nearest = fmin(nearest, nearest_on_triangle(p[i], q, corner));
-        nearest = fmin(nearest, nearest_on_triangle(q[i], p, corner));
+        nearest = fmin(nearest, nearest_on_triangle(p[i], q[0], q[1], q[2], corner, place));
+        nearest = fmin(nearest, nearest_on_triangle(q[i], p[0], p[1], p[2], corner, place));
         for (int j = 0; j < 3; j++)
             nearest = fmin(nearest, inner_distance(p[i], p[(i + 1) % 3], q[j], q[(j + 1) % 3]));
     }

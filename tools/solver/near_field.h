@@ -5,9 +5,6 @@
 
 #include "tools/solver/kernel_sums.h"
 
-/* The place of a flat triangle that is nearest to x, by barycentric weights; returns the distance. */
-double nearest_on_triangle(const double x[3], const double *const c[3], double corner[3]);
-
 /* Distance of two flat triangles that do not cross. */
 double triangle_distance(const double *const p[3], const double *const q[3]);
 

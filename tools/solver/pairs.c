@@ -98,6 +98,24 @@ pair_rule pair_rule_build(uint32_t common, uint32_t n) {
     return rule;
 }
 
+uint32_t pair_common_first(const uint32_t x[3], const uint32_t y[3], uint32_t of_x[3],
+                           uint32_t of_y[3]) {
+    uint32_t common = 0;
+    bool in_x[3] = {0}, in_y[3] = {0};
+    for (uint32_t i = 0; i < 9; i++) {
+        if (x[i / 3] != y[i % 3]) continue;
+        in_x[i / 3] = in_y[i % 3] = true;
+        of_x[common] = i / 3;
+        of_y[common++] = i % 3;
+    }
+    uint32_t nx = common, ny = common;
+    for (uint32_t i = 0; i < 3; i++) {
+        if (!in_x[i]) of_x[nx++] = i;
+        if (!in_y[i]) of_y[ny++] = i;
+    }
+    return common;
+}
+
 void pair_rule_free(pair_rule *rule) {
     free(rule->group);
     free(rule->partner);

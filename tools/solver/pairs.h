@@ -31,6 +31,11 @@ typedef struct {
     pair_partner *partner;
 } pair_rule;
 
+/* Numbers of the corners of triangles x and y, those of common vertices first and in the same order;
+ * returns how many these are. */
+uint32_t pair_common_first(const uint32_t x[3], const uint32_t y[3], uint32_t of_x[3],
+                           uint32_t of_y[3]);
+
 /* `common`: corners that the two triangles share, 1 to 3; n Gauss points in each direction but that
  * away from them, at most 32. */
 pair_rule pair_rule_build(uint32_t common, uint32_t n);

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SMOOTH_COS 0.7071   /* triangles whose normals differ by less lie on one smooth piece */
 #define ENOUGH 6            /* neighbours that determine a quadratic polynomial */
 #define MAX_PATCH 96        /* triangles of a patch */
 #define TERMS 5             /* s, t, s^2 / 2, s t, t^2 / 2 */
@@ -15,12 +14,12 @@
 /* What patches are made from: neighbours of triangles, their unit normals. */
 typedef struct {
     const mesh *m;
-    uint32_t (*across)[3]; /* the triangle beyond the edge that faces each corner */
+    uint32_t *across; /* the triangle beyond the edge that faces each corner */
     double (*normal)[3];
 } surface;
 
 static bool smooth(const surface *s, uint32_t a, uint32_t b) {
-    return v_dot(s->normal[a], s->normal[b]) > SMOOTH_COS;
+    return v_dot(s->normal[a], s->normal[b]) > QUADRATIC_SMOOTH_COS;
 }
 
 /* The smooth piece around vertex v that has triangle `first`; returns how many triangles. */
@@ -32,7 +31,7 @@ static uint32_t fan(const surface *s, uint32_t v, uint32_t first, uint32_t *to) 
         while (count < MAX_PATCH) {
             const uint32_t *c = s->m->t[t];
             int k = c[0] == v ? 0 : c[1] == v ? 1 : 2;
-            uint32_t next = s->across[t][(k + turn) % 3];
+            uint32_t next = s->across[3 * t + (uint32_t)(k + turn) % 3];
             if (next == first) return count;
             if (!smooth(s, t, next)) break;
             to[count++] = next;
@@ -66,8 +65,8 @@ static uint32_t patch_vertices(const surface *s, uint32_t v, const uint32_t *tri
 static uint32_t widen(const surface *s, uint32_t *triangle, uint32_t count) {
     uint32_t inner = count;
     for (uint32_t i = 0; i < inner; i++) {
-        for (int k = 0; k < 3; k++) {
-            uint32_t next = s->across[triangle[i]][k];
+        for (uint32_t k = 0; k < 3; k++) {
+            uint32_t next = s->across[3 * triangle[i] + k];
             if (count < MAX_PATCH && smooth(s, triangle[0], next) && smooth(s, triangle[i], next) &&
                 !listed(triangle, count, next))
                 triangle[count++] = next;
@@ -159,7 +158,7 @@ quadratic_surface quadratic_build(const mesh *m) {
     quadratic_surface q = {.m = m};
     mesh_edge *edge = mesh_edges(m, &q.edges);
     surface s = {.m = m};
-    s.across = allocate(m->triangles, sizeof *s.across);
+    s.across = mesh_across(m);
     s.normal = allocate(m->triangles, sizeof *s.normal);
     q.edge = allocate(m->triangles, sizeof *q.edge);
     q.offset = allocate(q.edges + 1u, sizeof *q.offset);
@@ -174,7 +173,6 @@ quadratic_surface quadratic_build(const mesh *m) {
             for (int k = 0; k < 3; k++) {
                 if (m->t[t][k] == edge[e].a || m->t[t][k] == edge[e].b) continue;
                 q.edge[t][k] = e;
-                s.across[t][k] = edge[e].triangle[1 - side];
             }
         }
     }

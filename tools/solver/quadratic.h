@@ -17,6 +17,9 @@
 
 #include "tools/mesh/mesh.h"
 
+/* Triangles whose normals make a larger cosine lie on one smooth piece, else across an edge. */
+#define QUADRATIC_SMOOTH_COS 0.7071
+
 typedef struct {
     const mesh *m;
     uint32_t edges;
