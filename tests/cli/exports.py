@@ -69,6 +69,48 @@ horn = [(a, b, 0.0) for a, b in star] + [(a, b, 1.0) for a, b in star]
 sides = [list(range(11, -1, -1)), list(range(12, 24))] + [[k, (k + 1) % 12, 12 + (k + 1) % 12, 12 + k] for k in range(12)]
 save("concave.obj", obj(horn, sides), 24, 44, volume(horn, sides))
 
+save("utf-16le.obj", b"\xff\xfe" + ball.encode("utf-16-le"))
+save("utf-16be.obj", b"\xfe\xff" + ball.encode("utf-16-be"))
+save("rounds.obj", obj(x, [f * 3 for f in faces]), says="repeated")
+f = faces[7]
+save("facing.obj", obj(x, faces + [[f[1], f[0], f[2]], f]), says="face each other")
+save("fin.obj", obj(x + [tuple(3 * c for c in x[0])], faces + [[f[0], f[1], V], [f[1], f[0], V]]), says="face each other")
+# a plate with a hole whose faces are one polygon each, with a bridge to the hole
+square = [(0, 0), (3, 0), (3, 3), (0, 3), (1, 1), (2, 1), (2, 2), (1, 2)]
+plate = [(a / 2, b / 2, z / 2) for z in (0, 1) for a, b in square]
+top = [8, 9, 10, 11, 8, 12, 15, 14, 13, 12]
+rim = [[k, (k + 1) % 4, 8 + (k + 1) % 4, 8 + k] for k in range(4)]
+inner = [[4 + (k + 1) % 4, 4 + k, 12 + k, 12 + (k + 1) % 4] for k in range(4)]
+save("bridge.obj", obj(plate, [top, [i - 8 for i in reversed(top)]] + rim + inner), 16, 32, 1)
+# the fan of vertex 0 in two halves, each with its own copy of it: an edge without length between them
+fan = {f[(f.index(0) + 1) % 3]: f[(f.index(0) + 2) % 3] for f in faces if 0 in f}
+around = [min(fan)]
+while fan[around[-1]] != around[0]:
+    around.append(fan[around[-1]])
+half = set(around[:3])
+copies = [[V if i == 0 and f[(f.index(0) + 1) % 3] in half else i for i in f] if 0 in f else f for f in faces]
+save("no-length.obj", obj(x + [x[0]], copies + [[0, V, around[0]], [V, 0, around[3]]]), says="without length")
+# two full layers, between them two blocks that share an edge: both of its ends hang together
+blocks = {(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1, 2) if c != 1 or a == b}
+number, skin = {}, []
+for block in sorted(blocks):
+    for axis in range(3):
+        for side in (0, 1):
+            beyond = list(block)
+            beyond[axis] += 2 * side - 1
+            if tuple(beyond) in blocks:
+                continue
+            corners = []
+            for u, v in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                at = list(block)
+                at[axis] += side
+                at[(axis + 1) % 3] += u
+                at[(axis + 2) % 3] += v
+                corners.append(number.setdefault(tuple(at), len(number)))
+            skin.append(corners if side else corners[::-1])
+corner = [tuple(c / 2 for c in at) for at in number]
+save("hanging.obj", obj(corner, skin), len(corner) + 2, 2 * len(skin) + 4, len(blocks) / 8, "touches itself")
+
 
 def stl(name, head="solid a b", tail="endsolid a b", upper=False):
     s = head + "\n" + "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex %.9g %.9g %.9g\n" % x[i] for i in f) +

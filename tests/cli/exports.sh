@@ -23,6 +23,10 @@ sed 's/vertex \([-0-9]*\)\./vertex \1,/' files/text.stl > comma.stl
 refuses 1 "comma.stl:4: a vertex needs three numbers" "decimal commas" $palp remesh comma.stl -o out.obj
 printf 'v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n' > nan.obj
 refuses 1 "nan.obj:3: coordinate 1" "a corner that is no number" $palp remesh nan.obj -o out.obj
+awk '{print} /^f/ {print}' ball.obj > twice.obj
+refuses 1 "lies there twice" "a surface that is there twice" $palp remesh twice.obj -o out.obj
+awk '{print} /^f/ {print "f", $3, $2, $4}' ball.obj > two-sided.obj
+refuses 1 "lies there twice" "a surface with two sides" $palp remesh two-sided.obj -o out.obj
 printf 'v 0 0 0\nf 1 2 3\n' > range.obj
 refuses 1 "range.obj:2: vertex 2 is out of range" "a vertex that is not there" $palp remesh range.obj -o out.obj
 refuses 2 "name it .obj" "an output of another format" $palp remesh files/plain.obj -o out.stl
@@ -53,6 +57,12 @@ for touch in "0.4 0.4 0 edge" "0.4 0.4 0.4 corner"; do
     $palp subdivide shared.obj -o read.obj --levels 0 --component 1 > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq 8 ] && grep -q 'touches itself' err.txt
     ok $? "two cubes that share an $4 are two bodies: $(head -1 err.txt)"
 done
+# Holes: up to a stated size, or named.
+awk '/^f/ && n++ < 1 {next} {print}' ball.obj > holed.obj
+refuses 1 "add --holes" "a hole in a mesh that is taken as it is" $palp subdivide holed.obj -o out.obj --levels 0
+$palp subdivide holed.obj -o read.obj --levels 0 --holes 10 > /dev/null 2> err.txt && grep -q '1 hole(s) closed, the longest rim' err.txt; ok $? "--holes: $(cat err.txt)"
+refuses 1 "the longest rim has" "a hole that is larger than asked for" $palp remesh holed.obj -o out.obj --holes 0.01
+refuses 2 "holes" "a rim of no length" $palp remesh holed.obj -o out.obj --holes -1
 awk '/^v / {printf "v %.9g %.9g %.9g\n", 654321 + 0.03 * $2, 5432109 + 0.03 * $3, 0.03 * $4; next} {print}' ball.obj > digits.obj
 refuses 1 "lost their digits" "a body whose places have too few digits, far from the origin" $palp remesh digits.obj -o out.obj
 

@@ -214,7 +214,7 @@ uint8_t *body_fixed(const body_spec *s, const mesh *m) {
 }
 
 mesh body_mesh(const body_spec *s) {
-    mesh m = mesh_load_as(s->mesh_path, &s->choice);
+    mesh m = mesh_load_as(s->mesh_path, &s->choice, s->as_is ? HOLES_AS_IS : HOLES_REMESHED);
     require_near_origin(m.x, m.vertices, s->mesh_path);
     if (!s->as_is) {
         mesh r = remesh(&m, s->mesh_path, s->levels, 0, NULL);

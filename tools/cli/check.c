@@ -81,7 +81,7 @@ int command_check(int argc, char **argv) {
     check_spec s = {.levels = 3};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.input == NULL) die(EXIT_USAGE, "no mesh (--help shows the usage)");
-    mesh m = mesh_load_as(s.input, &s.choice);
+    mesh m = mesh_load_as(s.input, &s.choice, HOLES_REMESHED);
     mesh_components c = mesh_find_components(&m);
     printf("%-10s file        %" PRIu32 " vertices, %" PRIu32 " triangles, %" PRIu32
            " component(s)\n",
@@ -90,9 +90,6 @@ int command_check(int argc, char **argv) {
         printf("%-10s component   %" PRIu32 ": %" PRIu32 " triangles\n", "", i, c.triangles[i]);
     mesh_components_free(&c);
     fflush(stdout);
-    uint32_t holes = mesh_fill_holes(&m, 1);
-    if (holes > 0) (void)mesh_turn_slivers(&m);
-    if (holes > 0) printf("%-10s mended      %" PRIu32 " hole(s) closed\n", "", holes);
     mesh_require_closed(&m, s.input);
     mesh_warn_of_size(&m, s.input);
     print_surface("", &m);

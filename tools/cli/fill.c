@@ -48,10 +48,8 @@ int command_fill(int argc, char **argv) {
     bool piped = s.output != NULL && strcmp(s.output, "-") == 0;
     if (piped && s.count > 1) die(EXIT_USAGE, "-o: several meshes need a name, not '-'");
     FILE *table = piped ? stderr : stdout;
-    mesh surface = mesh_load_as(s.input, &s.choice);
+    mesh surface = mesh_load_as(s.input, &s.choice, HOLES_REMESHED);
     (void)mesh_drop_unused(&surface);
-    uint32_t filled = mesh_fill_holes(&surface, 1);
-    if (filled > 0) warn("%s: %" PRIu32 " hole(s) closed", s.input, filled);
     mesh_require_closed(&surface, s.input);
     mesh_warn_of_size(&surface, s.input);
     bvh *on = bvh_build(&surface);

@@ -58,11 +58,12 @@ static bool is_ear(const mesh *m, const uint32_t *corner, size_t n, size_t i,
     triangle_normal(a, b, c, turn);
     if (v_dot(turn, normal) <= 0) return false;
     for (size_t k = 0; k < n; k++) {
-        if (k == i || k == (i + 1) % n || k == (i + n - 1) % n) continue;
+        const double *p = m->x[corner[k]]; /* that of a bridge to a hole lies there twice */
+        if (v_distance(p, a) <= 0 || v_distance(p, b) <= 0 || v_distance(p, c) <= 0) continue;
         double s[3][3];
-        triangle_normal(a, b, m->x[corner[k]], s[0]);
-        triangle_normal(b, c, m->x[corner[k]], s[1]);
-        triangle_normal(c, a, m->x[corner[k]], s[2]);
+        triangle_normal(a, b, p, s[0]);
+        triangle_normal(b, c, p, s[1]);
+        triangle_normal(c, a, p, s[2]);
         if (v_dot(s[0], normal) >= 0 && v_dot(s[1], normal) >= 0 && v_dot(s[2], normal) >= 0)
             return false;
     }
@@ -81,6 +82,16 @@ static void clip_ears(triangles *t, uint32_t *corner, size_t n) {
         n--;
     }
     add_triangle(t, corner[0], corner[1], corner[2]);
+}
+
+/* How many corners a polygon has that goes round more than once; n where it does not. */
+static size_t first_round(const uint32_t *corner, size_t n) {
+    for (size_t round = 3; 2 * round <= n; round++) {
+        size_t k = round;
+        while (k < n && corner[k] == corner[k - round]) k++;
+        if (k == n) return round;
+    }
+    return n;
 }
 
 /* The corners of a polygon, each once where it follows itself; exits on one that is not there. */
@@ -106,7 +117,9 @@ static size_t corners_of(builder *b, const polygon *f, uint32_t *corner) {
         b->mended.corners++;
         n--;
     }
-    return n;
+    const size_t round = first_round(corner, n);
+    b->mended.corners += (uint32_t)(n - round);
+    return round;
 }
 
 mesh builder_finish(builder *b) {

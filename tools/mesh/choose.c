@@ -2,6 +2,8 @@
 #include "tools/mesh/choose.h"
 #include "port/host/util.h"
 #include "tools/mesh/components.h"
+#include "tools/mesh/holes.h"
+#include "tools/mesh/meshmend.h"
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,6 +23,9 @@ bool mesh_option(mesh_choice *c, const argument *a) {
     } else if (strcmp(a->option, "--component") == 0) {
         c->one = true;
         c->component = arg_u32(a, 0, 0, UINT32_MAX);
+    } else if (strcmp(a->option, "--holes") == 0) {
+        c->holes_given = true;
+        c->holes_m = arg_between(a, 0, 1e6);
     } else {
         return false;
     }
@@ -40,11 +45,21 @@ void mesh_warn_of_size(const mesh *m, const char *path) {
     }
 }
 
-mesh mesh_load_as(const char *path, const mesh_choice *c) {
+static void close_holes(mesh *m, const char *path, double longest_m) {
+    mesh_hole longest, left;
+    const uint32_t closed = mesh_close_holes(m, longest_m, &longest, &left);
+    if (closed == 0) return;
+    (void)mesh_turn_slivers(m);
+    warn("%s: %" PRIu32 " hole(s) closed, the longest rim %.3g cm around (%.4g, %.4g, %.4g)", path,
+         closed, 100 * longest.rim_m, longest.middle[0], longest.middle[1], longest.middle[2]);
+}
+
+mesh mesh_load_as(const char *path, const mesh_choice *c, double usual) {
     mesh m = mesh_load(path);
     for (uint32_t i = 0; i < m.vertices && c->unit_m > 0; i++) {
         for (int k = 0; k < 3; k++) m.x[i][k] *= c->unit_m;
     }
     if (c->one) mesh_keep_component(&m, path, c->component);
+    close_holes(&m, path, c->holes_given ? c->holes_m : usual * mesh_diagonal(&m));
     return m;
 }

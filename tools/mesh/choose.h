@@ -10,21 +10,31 @@ typedef struct {
     double unit_m; /* 0: metres */
     bool one;      /* only one component, the n-th by size */
     uint32_t component;
+    bool holes_given;
+    double holes_m; /* longest rim that is closed */
 } mesh_choice;
 
 /* For option tables. */
 #define MESH_OPTIONS                                                                               \
-    {"--units", 1}, {"--largest", 0}, { "--component", 1 }
+    {"--units", 1}, {"--largest", 0}, {"--component", 1}, { "--holes", 1 }
 #define MESH_HELP                                                                                  \
     "  --units mm|cm|m|inch    of the mesh file (default m)\n"                                     \
     "  --largest               keep the largest of several components\n"                           \
-    "  --component N           keep component N, 0-based, the largest first\n"
+    "  --component N           keep component N, 0-based, the largest first\n"                     \
+    "  --holes LENGTH          close holes with a rim of at most this many metres (default: "      \
+    "what\n"                                                                                       \
+    "                          is remeshed, those of at most the diagonal; a mesh as is, none)\n"
 
 /* Takes one of MESH_OPTIONS; false if it is another. */
 bool mesh_option(mesh_choice *c, const argument *a);
 
-/* mesh_load, in metres, with the component that was chosen. */
-mesh mesh_load_as(const char *path, const mesh_choice *c);
+/*
+ * mesh_load, in metres, the component that was chosen, without unused vertices, with its holes
+ * closed: those that were asked for, or else with a rim of at most `usual` bounding box diagonals.
+ */
+mesh mesh_load_as(const char *path, const mesh_choice *c, double usual);
+#define HOLES_REMESHED 1.0
+#define HOLES_AS_IS 0.0
 
 /* Warns of sizes that no body has. */
 void mesh_warn_of_size(const mesh *m, const char *path);

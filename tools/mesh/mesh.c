@@ -2,13 +2,12 @@
 #include "tools/mesh/mesh.h"
 #include "port/host/util.h"
 #include "tools/mesh/components.h"
+#include "tools/mesh/holes.h"
 #include <float.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define NONE UINT32_MAX
 
 mesh mesh_copy(const mesh *m) {
     mesh c = *m;
@@ -98,77 +97,41 @@ mesh_edge *mesh_edges(const mesh *m, uint32_t *count) {
     return e;
 }
 
-static void append_triangle(mesh *m, size_t *capacity, uint32_t a, uint32_t b, uint32_t c) {
-    m->t = grow(m->t, capacity, m->triangles + 1, sizeof *m->t);
-    m->t[m->triangles][0] = a;
-    m->t[m->triangles][1] = b;
-    m->t[m->triangles][2] = c;
-    m->triangles++;
-}
-
-/*
- * Closes the loop by a fan about its centroid, which can never repeat an edge of the surface. The
- * loop runs against the boundary direction of the surrounding triangles.
- */
-static void fill_loop(mesh *m, size_t *triangle_capacity, size_t *vertex_capacity,
-                      const uint32_t *loop, uint32_t n) {
-    if (n == 3) {
-        append_triangle(m, triangle_capacity, loop[0], loop[1], loop[2]);
-        return;
-    }
-    m->x = grow(m->x, vertex_capacity, m->vertices + 1u, sizeof *m->x);
-    double *center = m->x[m->vertices];
-    memset(center, 0, 3 * sizeof *center);
-    for (uint32_t i = 0; i < n; i++) {
-        for (int k = 0; k < 3; k++) center[k] += m->x[loop[i]][k] / n;
-    }
-    for (uint32_t i = 0; i < n; i++) {
-        append_triangle(m, triangle_capacity, loop[i], loop[(i + 1) % n], m->vertices);
-    }
-    m->vertices++;
-}
-
-uint32_t mesh_fill_holes(mesh *m, double largest) {
-    size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = mesh_half_edges(m);
-    uint32_t *next = allocate(m->vertices, sizeof *next); /* boundary successor, reversed */
-    uint32_t *loop = allocate(m->vertices, sizeof *loop);
-    memset(next, 0xff, m->vertices * sizeof *next);
-    for (size_t i = 0; i < total;) {
-        size_t j = half_edge_run_end(h, i, total);
-        if (j == i + 1) {
-            uint32_t from = h[i].forward ? h[i].high : h[i].low;
-            next[from] = h[i].forward ? h[i].low : h[i].high;
-        }
-        i = j;
-    }
-    double limit = largest * mesh_diagonal(m);
-    size_t triangle_capacity = m->triangles, vertex_capacity = m->vertices;
-    uint32_t filled = 0, before = m->vertices;
-    for (uint32_t start = 0; start < before; start++) {
-        uint32_t n = 0;
-        double length = 0;
-        for (uint32_t v = start; next[v] != NONE;) {
-            uint32_t w = next[v];
-            next[v] = NONE;
-            loop[n++] = v;
-            length += v_distance(m->x[v], m->x[w]);
-            v = w;
-        }
-        if (n < 3 || length > limit) continue;
-        fill_loop(m, &triangle_capacity, &vertex_capacity, loop, n);
-        filled++;
-    }
-    free(next);
-    free(loop);
-    free(h);
-    return filled;
-}
-
 static void flip(uint32_t t[3]) {
     uint32_t swap = t[1];
     t[1] = t[2];
     t[2] = swap;
+}
+
+/* An edge with one triangle: what is missing there. */
+static _Noreturn void die_open(const mesh *m, const char *path, const half_edge *side) {
+    mesh copy = mesh_copy(m);
+    mesh_hole longest, left;
+    (void)mesh_close_holes(&copy, 0, &longest, &left);
+    die(EXIT_WORK,
+        "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
+        " (0-based); the longest rim has %" PRIu32
+        " edges, %.3g cm, around (%.4g, %.4g, %.4g): close it there, or add --holes %.2g",
+        path, side->low, side->high, side->triangle, left.edges, 100 * left.rim_m, left.middle[0],
+        left.middle[1], left.middle[2], 1.01 * left.rim_m);
+}
+
+/* An edge with more than two triangles. */
+static _Noreturn void die_shared(const mesh *m, const char *path, const half_edge *side,
+                                 size_t count) {
+    const double *x = m->x[side->low];
+    bool twice = false; /* two of the triangles have the same third vertex */
+    for (size_t i = 0; i < count; i++) {
+        for (size_t k = 0; k < i; k++)
+            twice = twice || m->t[side[i].triangle][(side[i].corner + 2) % 3] ==
+                                 m->t[side[k].triangle][(side[k].corner + 2) % 3];
+    }
+    die(EXIT_WORK,
+        "%s: edge %" PRIu32 "-%" PRIu32 " (0-based), at (%.4g, %.4g, %.4g), belongs to %zu "
+        "triangles (non-manifold): %s",
+        path, side->low, side->high, x[0], x[1], x[2], count,
+        twice ? "the surface lies there twice: leave one of the two out"
+              : "split the surface there");
 }
 
 /* neighbour[t][k] = the triangle across the edge that starts at corner k; exits on a bad edge. */
@@ -177,20 +140,9 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
     half_edge *h = mesh_half_edges(m);
     for (size_t i = 0; i < total;) {
         size_t j = half_edge_run_end(h, i, total);
-        if (j - i == 1) {
-            die(EXIT_WORK,
-                "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
-                " (0-based): close it (palp remesh closes holes with a rim of at most the bounding "
-                "box diagonal; "
-                "vertices that only look joined must be welded)",
-                path, h[i].low, h[i].high, h[i].triangle);
-        }
+        if (j - i == 1) die_open(m, path, &h[i]);
         if (j - i > 2) {
-            die(EXIT_WORK,
-                "%s: edge %" PRIu32 "-%" PRIu32
-                " (0-based) belongs to %zu triangles (non-manifold): "
-                "split the surface there",
-                path, h[i].low, h[i].high, j - i);
+            die_shared(m, path, &h[i], j - i);
         }
         for (size_t k = i; k < j; k++) {
             const half_edge *e = &h[k];
@@ -300,6 +252,10 @@ static void require_manifold_vertices(const mesh *m, const char *path) {
 
 #define FAR_SIZES 1e3 /* distance over size beyond which a file's digits run out */
 
+bool mesh_is_far(const mesh *m) {
+    return m->vertices > 0 && v_norm(m->x[0]) > FAR_SIZES * mesh_diagonal(m);
+}
+
 static void require_sound_triangles(const mesh *m, const char *path) {
     double scale = mesh_diagonal(m);
     for (uint32_t i = 0; i < m->triangles; i++) {
@@ -308,15 +264,15 @@ static void require_sound_triangles(const mesh *m, const char *path) {
         triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
         bool repeated = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
         if (repeated || !(v_norm(n) > 1e-14 * scale * scale)) {
-            const double *x = m->x[t[0]], far = v_norm(x);
             die(EXIT_WORK, "%s: triangle %" PRIu32 " (0-based) has no area: %s", path, i,
-                far > FAR_SIZES * scale
-                    ? "the body lies so far from the origin that its vertices have lost "
-                      "their digits: export it at the origin"
-                    : "collapse it");
+                mesh_is_far(m) ? "the body lies so far from the origin that its vertices have lost "
+                                 "their digits: export it at the origin"
+                               : "collapse it");
         }
     }
 }
+
+#define FLAT 1e-9 /* volume over the cube of the diagonal of what is no body */
 
 void mesh_require_closed(mesh *m, const char *path) {
     if (m->triangles < 4)
@@ -328,7 +284,11 @@ void mesh_require_closed(mesh *m, const char *path) {
     free(neighbour);
     require_oriented(m, path);
     require_manifold_vertices(m, path);
-    if (mesh_volume(m) < 0) {
+    const double volume = mesh_volume(m), size = mesh_diagonal(m);
+    if (!(fabs(volume) > FLAT * size * size * size))
+        die(EXIT_WORK, "%s: the mesh is flat: it encloses %.2g of its box' diagonal cubed", path,
+            volume / (size * size * size));
+    if (volume < 0) {
         for (uint32_t i = 0; i < m->triangles; i++) flip(m->t[i]);
     }
 }

@@ -21,6 +21,8 @@ typedef struct {
     uint32_t wires;     /* faces of fewer than three corners, left out */
     uint32_t unused;    /* vertices that no face names, left out */
     uint32_t welded;    /* vertices at the place of another */
+    uint32_t collapsed; /* edges without length */
+    uint32_t facing;    /* pairs of triangles over the same vertices that face each other */
     uint32_t slivers;   /* triangles without area */
     uint32_t junctions; /* vertices that lie on an edge of another triangle */
     uint32_t split;     /* vertices added where the surface touches itself */
@@ -55,12 +57,6 @@ size_t half_edge_run_end(const half_edge *h, size_t i, size_t count);
 uint32_t mesh_drop_unused(mesh *m);
 
 /*
- * Closes boundary loops whose length is at most `largest` times the bounding box diagonal; returns
- * how many were closed. Longer ones stay open.
- */
-uint32_t mesh_fill_holes(mesh *m, double largest);
-
-/*
  * Makes triangles consistently oriented, outward, and exits with the offending element unless the
  * mesh is one closed, edge- and vertex-manifold component of non-degenerate triangles without
  * unused vertices.
@@ -84,6 +80,9 @@ void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle);
  * their rounding is more than 1e-4 of the points' extent, and a warning above 1e-5.
  */
 void require_near_origin(double (*x)[3], uint32_t count, const char *path);
+
+/* So far from the origin that the digits of a file may have run out. */
+bool mesh_is_far(const mesh *m);
 
 double mesh_volume(const mesh *m);
 void mesh_extent(const mesh *m, double size[3]); /* of the bounding box */

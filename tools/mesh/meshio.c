@@ -27,6 +27,17 @@ static size_t mark_of(const char *data, size_t bytes) {
     return bytes >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0 ? 3 : 0;
 }
 
+/* Text in UTF-16 as bytes: what is read here is all below 128. Returns the length that is left. */
+static size_t text_from_utf16(char *data, size_t bytes) {
+    const bool big = memcmp(data, "\xfe\xff", 2) == 0;
+    if (bytes < 4 || (!big && memcmp(data, "\xff\xfe", 2) != 0)) return bytes;
+    size_t n = 0;
+    for (size_t i = 2; i + 1 < bytes; i += 2)
+        data[n++] = data[big ? i : i + 1] == 0 ? data[big ? i + 1 : i] : '?';
+    data[n] = '\0';
+    return n;
+}
+
 /* Whether there is no zero but at the end. */
 static bool is_text(const char *data, size_t bytes) {
     while (bytes > 0 && data[bytes - 1] == '\0') bytes--;
@@ -59,6 +70,7 @@ static void read_by_kind(builder *b, char *data, size_t bytes) {
 mesh mesh_load(const char *path) {
     size_t bytes;
     char *data = read_file(path, &bytes);
+    bytes = text_from_utf16(data, bytes);
     const size_t mark = mark_of(data, bytes);
     builder b = {.path = path};
     if (bytes == mark) die(EXIT_WORK, "%s: the file is empty", path);

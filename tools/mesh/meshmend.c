@@ -2,6 +2,7 @@
 #include "tools/mesh/meshmend.h"
 #include "port/host/util.h"
 #include "tools/mesh/meshsplit.h"
+#include "tools/mesh/union_find.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
@@ -116,6 +117,96 @@ static uint32_t weld(mesh *m, double within) {
     free(now);
     free(c);
     return welded;
+}
+
+/* ---- edges without length ---- */
+
+/* The ends of an edge become one, the first; a triangle there goes. */
+static uint32_t collapse_short(mesh *m, double within) {
+    uint32_t *parent = allocate(m->vertices, sizeof *parent), collapsed = 0;
+    for (uint32_t i = 0; i < m->vertices; i++) parent[i] = i;
+    for (size_t side = 0; side < 3 * (size_t)m->triangles; side++) {
+        const uint32_t *t = m->t[side / 3];
+        const uint32_t a = set_of(parent, t[side % 3]), b = set_of(parent, t[(side + 1) % 3]);
+        if (a == b || v_distance(m->x[a], m->x[b]) > within) continue;
+        set_join(parent, a, b);
+        collapsed++;
+    }
+    if (collapsed > 0) {
+        for (uint32_t i = 0; i < m->vertices; i++) parent[i] = set_of(parent, i);
+        rename_corners(m, parent);
+        (void)mesh_drop_unused(m);
+    }
+    free(parent);
+    return collapsed;
+}
+
+/* ---- pairs of triangles that face each other ---- */
+
+typedef struct {
+    uint32_t corner[3]; /* ascending */
+    bool turned;        /* against them */
+    uint32_t triangle;
+} named_triangle;
+
+static int compare_names(const void *a, const void *b) {
+    const named_triangle *p = a, *q = b;
+    for (int k = 0; k < 3; k++) {
+        if (p->corner[k] != q->corner[k]) return p->corner[k] < q->corner[k] ? -1 : 1;
+    }
+    return p->triangle < q->triangle ? -1 : p->triangle > q->triangle;
+}
+
+static named_triangle name_triangle(const mesh *m, uint32_t triangle) {
+    named_triangle n = {.triangle = triangle};
+    memcpy(n.corner, m->t[triangle], sizeof n.corner);
+    for (int pass = 0; pass < 3; pass++) {
+        const int k = pass % 2;
+        const uint32_t first = n.corner[k];
+        if (first <= n.corner[k + 1]) continue;
+        n.corner[k] = n.corner[k + 1];
+        n.corner[k + 1] = first;
+        n.turned = !n.turned;
+    }
+    return n;
+}
+
+/* Triangles over the same three vertices that face each other enclose nothing: both go. A surface
+ * that is doubled stays, all over or by triangles that run the same way, to be refused. */
+static uint32_t drop_facing(mesh *m, bool *doubled) {
+    named_triangle *name = allocate(m->triangles, sizeof *name);
+    uint8_t *goes = allocate(m->triangles, 1);
+    uint32_t pairs = 0;
+    for (uint32_t i = 0; i < m->triangles; i++) name[i] = name_triangle(m, i);
+    qsort(name, m->triangles, sizeof *name, compare_names);
+    for (uint32_t i = 0; i < m->triangles;) {
+        uint32_t j = i, count[2] = {0, 0};
+        while (j < m->triangles &&
+               memcmp(name[j].corner, name[i].corner, sizeof name[i].corner) == 0)
+            count[name[j++].turned]++;
+        const uint32_t both = count[0] < count[1] ? count[0] : count[1];
+        uint32_t left[2] = {both, both};
+        for (; i < j; i++) {
+            if (left[name[i].turned] == 0) continue;
+            left[name[i].turned]--;
+            goes[name[i].triangle] = 1;
+        }
+        pairs += both;
+        *doubled = *doubled || count[0] > both + 1 || count[1] > both + 1;
+    }
+    *doubled = *doubled || 4 * (uint64_t)pairs > m->triangles;
+    if (*doubled) pairs = 0;
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < m->triangles && pairs > 0; i++) {
+        if (goes[i] == 0) memcpy(m->t[kept++], m->t[i], sizeof *m->t);
+    }
+    if (pairs > 0) {
+        m->triangles = kept;
+        (void)mesh_drop_unused(m);
+    }
+    free(name);
+    free(goes);
+    return pairs;
 }
 
 /* ---- slivers ---- */
@@ -246,15 +337,18 @@ static uint32_t cut_once(mesh *m, double within) {
 
 void mesh_mend(mesh *m, mesh_mended *mended) {
     const double within = SAME * mesh_diagonal(m);
+    bool doubled = false;
     mended->within_m = within;
     if (!(within > 0)) return;
     mended->welded += weld(m, within);
+    if (!mesh_is_far(m)) mended->collapsed += collapse_short(m, within);
+    mended->facing += drop_facing(m, &doubled);
     mended->slivers += turn_slivers(m, within);
     for (uint32_t cut = 1; cut > 0;) {
         cut = cut_once(m, within);
         mended->junctions += cut;
     }
-    mended->split += mesh_split_touching(m);
+    if (!doubled) mended->split += mesh_split_touching(m);
 }
 
 uint32_t mesh_turn_slivers(mesh *m) { return turn_slivers(m, SAME * mesh_diagonal(m)); }
@@ -271,6 +365,8 @@ void mesh_report_mended(const char *path, const mesh_mended *mended) {
     add(text, sizeof text, mended->wires, "faces of fewer than three corners left out");
     add(text, sizeof text, mended->unused, "unused vertices left out");
     add(text, sizeof text, mended->welded, "vertices welded to others at the same place");
+    add(text, sizeof text, mended->collapsed, "edges without length collapsed");
+    add(text, sizeof text, mended->facing, "pairs of triangles that face each other left out");
     add(text, sizeof text, mended->slivers, "triangles without area turned");
     add(text, sizeof text, mended->junctions, "triangles cut at a vertex on their edge");
     add(text, sizeof text, mended->split, "vertices added where the surface touches itself");

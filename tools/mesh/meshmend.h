@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Mending meshes as programs export them. Only what is open is touched: a mesh whose edges all have
- * two triangles stays as it is, but for triangles without area.
+ * Mending meshes as programs export them.
  *
  *   weld        vertices at open edges that lie at the same place become one, the first
+ *   collapse    so do the ends of an edge without length
+ *   facing      two triangles over the same vertices that face each other go, unless all do
  *   slivers     a triangle whose corners lie on a line goes; its longest edge is turned
  *   junctions   where a vertex of one open edge lies on another, that one's triangle is cut there
- *
  *   touching    vertices are doubled where the surface touches itself (meshsplit.h)
  *
- * The same place: within 1e-6 of the bounding box' diagonal.
+ * The same place, no length: within 1e-6 of the bounding box' diagonal.
  */
 #ifndef PALP_TOOLS_MESHMEND_H
 #define PALP_TOOLS_MESHMEND_H

@@ -30,11 +30,15 @@ static int compare_angles(const void *a, const void *b) {
 }
 
 /* Around the edge, seen along low -> high, the solid lies behind a triangle that runs backwards and
- * before the next, which runs forwards. False where they do not take turns. */
-static bool join_around(const mesh *m, uint32_t *parent, const half_edge *side, size_t count) {
+ * before the next, which runs forwards: those two are a pair. False where as many do not run either
+ * way; `pair` then holds nothing. */
+static bool pair_around(const mesh *m, const half_edge *side, size_t count,
+                        const half_edge *pair[][2]) {
     around_edge list[MOST_AROUND];
     double d[3], first[3] = {0}, second[3];
-    if (count > MOST_AROUND || count % 2 != 0) return false;
+    size_t forward = 0;
+    for (size_t i = 0; i < count; i++) forward += side[i].forward;
+    if (count > MOST_AROUND || 2 * forward != count) return false;
     v_sub(m->x[side->high], m->x[side->low], d);
     v_normalize(d);
     for (size_t i = 0; i < count; i++) {
@@ -55,25 +59,36 @@ static bool join_around(const mesh *m, uint32_t *parent, const half_edge *side, 
         list[i] = (around_edge){atan2(v_dot(r, second), v_dot(r, first)), &side[i]};
     }
     qsort(list, count, sizeof *list, compare_angles);
-    for (size_t i = 0; i < count; i++) {
-        if (list[i].side->forward == list[(i + 1) % count].side->forward) return false;
-    }
-    for (size_t i = 0; i < count; i++) {
-        if (!list[i].side->forward) join(m, parent, list[i].side, list[(i + 1) % count].side);
+    /* Neighbours that close in a wedge of the solid belong together; then those that they stood
+     * between, as brackets do. */
+    while (count > 0) {
+        size_t i = 0;
+        while (list[i].side->forward || !list[(i + 1) % count].side->forward) i++;
+        const size_t k = (i + 1) % count;
+        (*pair)[0] = list[i].side;
+        (*pair++)[1] = list[k].side;
+        const size_t low = i < k ? i : k, high = i < k ? k : i;
+        memmove(list + high, list + high + 1, (count - high - 1) * sizeof *list);
+        memmove(list + low, list + low + 1, (count - low - 2) * sizeof *list);
+        count -= 2;
     }
     return true;
 }
 
-uint32_t mesh_split_touching(mesh *m) {
+static uint32_t double_vertices(mesh *m) {
     const size_t total = 3 * (size_t)m->triangles;
     half_edge *side = mesh_half_edges(m);
     uint32_t *parent = allocate(total, sizeof *parent);
-    bool resolved = true;
+    const half_edge *pair[MOST_AROUND / 2][2];
     for (size_t c = 0; c < total; c++) parent[c] = (uint32_t)c;
-    for (size_t i = 0; i < total && resolved;) {
+    for (size_t i = 0; i < total;) {
         size_t j = half_edge_run_end(side, i, total);
         if (j - i == 2) join(m, parent, &side[i], &side[i + 1]);
-        if (j - i > 2) resolved = join_around(m, parent, &side[i], j - i);
+        if (j - i > 2 && pair_around(m, &side[i], j - i, pair)) {
+            for (size_t k = 0; k < (j - i) / 2; k++) join(m, parent, pair[k][0], pair[k][1]);
+        } else if (j - i > 2) {
+            for (size_t k = i + 1; k < j; k++) join(m, parent, &side[i], &side[k]); /* it stays */
+        }
         i = j;
     }
     free(side);
@@ -82,7 +97,7 @@ uint32_t mesh_split_touching(mesh *m) {
     bool *taken = allocate(m->vertices, sizeof *taken);
     size_t room = 0;
     double(*x)[3] = NULL;
-    for (size_t c = 0; c < total && resolved; c++) {
+    for (size_t c = 0; c < total; c++) {
         uint32_t v = m->t[c / 3][c % 3], root = set_of(parent, (uint32_t)c);
         if (root != c) continue;
         name[c] = v;
@@ -105,4 +120,51 @@ uint32_t mesh_split_touching(mesh *m) {
     void *owned[] = {parent, name, taken, x};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return added;
+}
+
+/* A triangle becomes two at the vertex `at` on one of its sides. */
+static void cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at) {
+    m->t = grow(m->t, room, m->triangles + 1u, sizeof *m->t);
+    uint32_t *t = m->t[side->triangle], *second = m->t[m->triangles++];
+    const uint32_t end = (side->corner + 1) % 3;
+    memcpy(second, t, 3 * sizeof *t);
+    second[side->corner] = at;
+    t[end] = at;
+}
+
+/* Where both ends of an edge have one fan, no doubling tells its pairs apart: each gets a vertex of
+ * its own in the middle. One edge of a triangle at a time; returns how many vertices were added. */
+static uint32_t add_middles(mesh *m) {
+    const size_t total = 3 * (size_t)m->triangles;
+    half_edge *side = mesh_half_edges(m);
+    bool *changed = allocate(m->triangles, sizeof *changed);
+    const half_edge *pair[MOST_AROUND / 2][2];
+    const uint32_t before = m->vertices;
+    size_t room = m->triangles, vertex_room = m->vertices;
+    for (size_t i = 0, j; i < total; i = j) {
+        j = half_edge_run_end(side, i, total);
+        bool free_to_cut = j - i > 2;
+        for (size_t k = i; k < j; k++) free_to_cut = free_to_cut && !changed[side[k].triangle];
+        if (!free_to_cut || !pair_around(m, &side[i], j - i, pair)) continue;
+        for (size_t k = 0; k < (j - i) / 2; k++) {
+            m->x = grow(m->x, &vertex_room, m->vertices + 1u, sizeof *m->x);
+            double *x = m->x[m->vertices];
+            for (int axis = 0; axis < 3; axis++)
+                x[axis] = (m->x[side[i].low][axis] + m->x[side[i].high][axis]) / 2;
+            for (int s = 0; s < 2; s++) {
+                changed[pair[k][s]->triangle] = true;
+                cut_side(m, &room, pair[k][s], m->vertices);
+            }
+            m->vertices++;
+        }
+    }
+    free(side);
+    free(changed);
+    return m->vertices - before;
+}
+
+uint32_t mesh_split_touching(mesh *m) {
+    uint32_t added = double_vertices(m);
+    for (uint32_t more = add_middles(m); more > 0; more = add_middles(m)) added += more;
+    return added + double_vertices(m);
 }

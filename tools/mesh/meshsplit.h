@@ -2,14 +2,15 @@
 /*
  * Surfaces that touch themselves: an edge with four triangles or more, a vertex with several fans.
  * Around such an edge each two triangles that bound the same piece of the solid belong together;
- * vertices are doubled until every edge has two triangles and every vertex one fan.
+ * vertices are doubled until every edge has two triangles and every vertex one fan. An edge whose
+ * pairs hang together at both ends is cut in its middle first.
  */
 #ifndef PALP_TOOLS_MESHSPLIT_H
 #define PALP_TOOLS_MESHSPLIT_H
 
 #include "tools/mesh/mesh.h"
 
-/* Needs triangles that are oriented alike around those edges; leaves edges where they are not.
+/* Leaves edges around which not as many triangles run one way as the other.
  * Returns how many vertices were added. */
 uint32_t mesh_split_touching(mesh *m);
 

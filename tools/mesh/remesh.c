@@ -13,7 +13,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define HOLE_LIMIT 1.0 /* longest boundary loop that is closed, over the diagonal */
 #define RELAX_STEPS 12
 #define REPAIR_STEPS 40
 #define FEATURE_ROUNDS 6
@@ -388,8 +387,6 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     mesh best = {0};
     uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
-    r.filled = mesh_fill_holes(in, HOLE_LIMIT);
-    if (r.filled > 0) (void)mesh_turn_slivers(in);
     mesh_require_closed(in, path);
     bvh *surface = bvh_build(in);
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
@@ -492,7 +489,7 @@ static remesh_spec parse(int argc, char **argv, const option *table, const char 
 
 int command_remesh(int argc, char **argv) {
     remesh_spec s = parse(argc, argv, remesh_options, remesh_help);
-    mesh in = mesh_load_as(s.input, &s.choice);
+    mesh in = mesh_load_as(s.input, &s.choice, HOLES_REMESHED);
     remesh_report r;
     mesh m = remesh(&in, s.input, s.levels, s.base_faces, &r);
     if (r.flipped > 0) {
@@ -505,7 +502,6 @@ int command_remesh(int argc, char **argv) {
     fprintf(say, "input                 %" PRIu32 " vertices, %" PRIu32 " triangles", in.vertices,
             in.triangles);
     if (r.dropped > 0) fprintf(say, ", %" PRIu32 " unused vertices dropped", r.dropped);
-    if (r.filled > 0) fprintf(say, ", %" PRIu32 " hole(s) closed", r.filled);
     double size[3];
     mesh_extent(&m, size);
     fprintf(say, "\nsize                  %.3g x %.3g x %.3g cm", 100 * size[0], 100 * size[1],
@@ -530,7 +526,7 @@ int command_remesh(int argc, char **argv) {
 int command_subdivide(int argc, char **argv) {
     static const option table[] = {{"-o", 1}, {"--levels", 1}, MESH_OPTIONS, {NULL, 0}};
     remesh_spec s = parse(argc, argv, table, subdivide_help);
-    mesh m = mesh_load_as(s.input, &s.choice);
+    mesh m = mesh_load_as(s.input, &s.choice, HOLES_AS_IS);
     mesh_require_closed(&m, s.input);
     mesh_warn_of_size(&m, s.input);
     for (uint32_t l = 0; l < s.levels; l++) {

@@ -11,14 +11,14 @@ typedef struct {
     double mean, max; /* distance between the surfaces, both ways, over the bounding box diagonal */
     uint32_t flipped; /* triangles that face against their neighbours */
     double smallest_angle_deg;
-    uint32_t dropped, filled; /* unused vertices removed, holes closed */
+    uint32_t dropped; /* unused vertices */
 } remesh_report;
 
 #define REMESH_MEAN 0.005 /* what a result must reach; otherwise the base is refined */
 #define REMESH_MAX 0.04
 
 /*
- * Simplifies `in` (repaired in place: unused vertices go, small holes close) to a base of about
+ * Simplifies `in` (whose unused vertices go) to a base of about
  * `base_triangles` (0: as few as meet the limits above), splits it `levels` times and draws each
  * level onto the surface. Exits with the element named when the input is no closed manifold
  * component, or when no base without self-intersections is found.

@@ -348,11 +348,10 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
     mesh surface = {.vertices = 0};
     bvh *on = NULL;
     if (t->from[0] == NULL) {
-        surface = body->as_is ? body_mesh(body) : mesh_load_as(source, &body->choice);
+        surface =
+            body->as_is ? body_mesh(body) : mesh_load_as(source, &body->choice, HOLES_REMESHED);
         if (!body->as_is) require_near_origin(surface.x, surface.vertices, source);
         (void)mesh_drop_unused(&surface);
-        uint32_t filled = mesh_fill_holes(&surface, 1);
-        if (filled > 0) fprintf(f, "holes                 %" PRIu32 " closed\n", filled);
         mesh_require_closed(&surface, source);
         if (!body->as_is) mesh_warn_of_size(&surface, source);
         on = bvh_build(&surface);
