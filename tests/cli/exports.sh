@@ -57,6 +57,19 @@ for touch in "0.4 0.4 0 edge" "0.4 0.4 0.4 corner"; do
     $palp subdivide shared.obj -o read.obj --levels 0 --component 1 > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq 8 ] && grep -q 'touches itself' err.txt
     ok $? "two cubes that share an $4 are two bodies: $(head -1 err.txt)"
 done
+# One surface, one result, in whatever order a file has it.
+$palp remesh files/binary.stl -o stl.obj --levels 1 > /dev/null 2>&1; $palp remesh files/binary.ply -o ply.obj --levels 1 > /dev/null 2>&1
+[ -s stl.obj ] && cmp -s stl.obj ply.obj; ok $? "remesh of an STL and of a PLY of the same surface: the same file"
+# A cylinder whose caps are polygons of 300 corners: no needles are left.
+angle() { sed -n 's/^smallest angle *\([0-9.]*\) .*/\1/p'; }
+a=$($palp remesh files/caps.obj -o out.obj --levels 1 2> err.txt | angle); [ ! -s err.txt ] && awk -v a="$a" 'BEGIN {exit !(a > 5)}'
+ok $? "caps of 300 corners, remeshed: smallest angle $a degrees"
+# A thorn that is narrower than the mesh keeps its tip.
+awk '/^v/ && !done {print "v", 1.4 * $2, 1.4 * $3, 1.4 * $4; done = 1; next} {print}' ball.obj > thorn.obj
+far() { awk '/^v/ {d = sqrt($2 * $2 + $3 * $3 + $4 * $4); if (d > m) m = d} END {print m}' "$1"; }
+$palp remesh thorn.obj -o out.obj --levels 2 > /dev/null 2>&1; awk -v a="$(far thorn.obj)" -v b="$(far out.obj)" 'BEGIN {exit !(b > 0.99 * a)}'
+ok $? "a thorn keeps its tip: $(far out.obj) of $(far thorn.obj)"
+
 # Holes: up to a stated size, or named.
 awk '/^f/ && n++ < 1 {next} {print}' ball.obj > holed.obj
 refuses 1 "add --holes" "a hole in a mesh that is taken as it is" $palp subdivide holed.obj -o out.obj --levels 0

@@ -64,6 +64,8 @@ bool body_option(body_spec *s, const argument *a) {
     } else if (strcmp(o, "--levels") == 0) {
         s->levels = arg_u32(a, 0, 0, 8);
         s->levels_given = true;
+    } else if (strcmp(o, "--base-faces") == 0) {
+        s->base_faces = arg_u32(a, 0, 4, 1000000);
     } else if (strcmp(o, "--as-is") == 0) {
         s->as_is = true;
     } else if (strcmp(o, "--loop") == 0) {
@@ -217,7 +219,9 @@ mesh body_mesh(const body_spec *s) {
     mesh m = mesh_load_as(s->mesh_path, &s->choice, s->as_is ? HOLES_AS_IS : HOLES_REMESHED);
     require_near_origin(m.x, m.vertices, s->mesh_path);
     if (!s->as_is) {
-        mesh r = remesh(&m, s->mesh_path, s->levels, 0, NULL);
+        remesh_report report;
+        mesh r = remesh(&m, s->mesh_path, s->levels, s->base_faces, &report);
+        remesh_warn(&report, s->mesh_path);
         mesh_free(&m);
         m = r;
     }

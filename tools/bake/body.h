@@ -24,7 +24,7 @@ typedef struct {
     bool as_is, levels_given, crisp;
     mesh_choice choice;
     bool collocation; /* in place of Galerkin boundary elements */
-    uint32_t levels, loop;
+    uint32_t levels, base_faces, loop;
     double young_Pa, poisson, density;
     fix fixes[MAX_FIXES];
     int fix_count;
@@ -32,7 +32,7 @@ typedef struct {
 
 /* For option tables. */
 #define BODY_OPTIONS                                                                               \
-    {"--mesh", 1}, {"--levels", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", -2},                \
+    {"--mesh", 1}, {"--levels", 1}, {"--base-faces", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", -2},                \
         {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2}, {"--fix-above", 2},                \
         {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0},                 \
         {"--method", 1}, MESH_OPTIONS, {                                                           \

@@ -20,6 +20,7 @@ static const char help[] =
     "\n"
     "  -o OUT.palp             the blob\n"
     "  --levels N              remesh to N refinements of a coarse base first (default 3)\n"
+    "  --base-faces N          triangles of that base (default: as few as follow the surface)\n"
     "  --as-is                 use the mesh exactly as given\n" MESH_HELP
     "  --loop N                refine a control mesh by N steps of Loop's scheme instead of "
     "remeshing\n"

@@ -107,6 +107,7 @@ int command_check(int argc, char **argv) {
     fflush(stdout);
     remesh_report r;
     mesh used = remesh(&m, s.input, s.levels, 0, &r);
+    remesh_warn(&r, s.input);
     print_surface("remeshed", &used);
     printf("%-10s distance    %.3f %% of the diagonal in the mean, %.3f %% at most\n", "",
            100 * r.mean, 100 * r.max);

@@ -2,9 +2,12 @@
 #include "tools/mesh/remesh.h"
 #include "tools/mesh/choose.h"
 #include "tools/mesh/crossing.h"
+#include "tools/mesh/fit.h"
 #include "tools/mesh/meshmend.h"
 #include "port/host/args.h"
 #include "tools/mesh/bvh.h"
+#include "tools/mesh/order.h"
+#include "tools/mesh/refine.h"
 #include "tools/mesh/semireg.h"
 #include "tools/mesh/simplify.h"
 #include "port/host/util.h"
@@ -14,25 +17,9 @@
 #include <string.h>
 
 #define RELAX_STEPS 12
-#define REPAIR_STEPS 40
-#define FEATURE_ROUNDS 6
-#define FEATURE_TOLERANCE 0.015 /* over the diagonal */
 #define BAD_ANGLE_DEG 9.0
-#define FACING_COSINE                                                                              \
-    (-0.2) /* how far a particle may turn in one move: past a right angle, not around */
-
-/*
- * One level being drawn onto the original surface. Each vertex is a particle that lives on that
- * surface and remembers how it faces there: moves are tangential to the surface, not to the mesh,
- * so that folds of the mesh unfold, and a thin part's far side stays out of reach.
- */
-typedef struct {
-    mesh *m;
-    const bvh *surface;
-    uint32_t *offset, *ring;
-    double (*facing)[3];
-    bool *pinned; /* base vertices and those that hold a feature */
-} fit;
+#define NEEDLE_DEG 5.0 /* triangles of a file that are made even first, and up to which edge: */
+#define EVEN_EDGE 0.04 /* over the diagonal */
 
 static void barycentric(const double x[3], const double a[3], const double b[3], const double c[3],
                         double weight[3]) {
@@ -44,189 +31,6 @@ static void barycentric(const double x[3], const double a[3], const double b[3],
     triangle_normal(a, x, c, part);
     weight[1] = v_dot(part, whole) / area2;
     weight[2] = 1 - weight[0] - weight[1];
-}
-
-/* To the closest point that does not face away. */
-static void draw_onto(const fit *f, uint32_t v) {
-    double point[3];
-    double d =
-        bvh_closest(f->surface, f->m->x[v], f->facing[v], FACING_COSINE, point, f->facing[v]);
-    if (!isfinite(d)) (void)bvh_closest(f->surface, f->m->x[v], NULL, 0, point, f->facing[v]);
-    memcpy(f->m->x[v], point, sizeof point);
-}
-
-/* Moves vertex v along the surface a fraction of the way to the mean of its ring. */
-static void relax(const fit *f, uint32_t v, double fraction) {
-    double d[3] = {0};
-    double n = f->offset[v + 1] - f->offset[v];
-    for (uint32_t i = f->offset[v]; i < f->offset[v + 1]; i++) {
-        for (int k = 0; k < 3; k++) d[k] += (f->m->x[f->ring[i]][k] - f->m->x[v][k]) / n;
-    }
-    double out = v_dot(d, f->facing[v]);
-    for (int k = 0; k < 3; k++) f->m->x[v][k] += fraction * (d[k] - out * f->facing[v][k]);
-    draw_onto(f, v);
-}
-
-static void relax_all(const fit *f) {
-    for (uint32_t v = 0; v < f->m->vertices; v++) {
-        if (!f->pinned[v]) relax(f, v, 0.5);
-    }
-}
-
-typedef struct {
-    double distance;
-    uint32_t vertex; /* of the original */
-} miss;
-
-static int compare_misses(const void *a, const void *b) {
-    const miss *p = a;
-    const miss *q = b;
-    if (p->distance > q->distance) return -1;
-    if (p->distance < q->distance) return 1;
-    return p->vertex < q->vertex ? -1 : p->vertex > q->vertex;
-}
-
-static uint32_t nearest_vertex(const fit *f, const double x[3], const double facing[3]) {
-    uint32_t best = UINT32_MAX;
-    double nearest = HUGE_VAL;
-    for (uint32_t v = 0; v < f->m->vertices; v++) {
-        double d = v_distance(x, f->m->x[v]);
-        if (d >= nearest || v_dot(facing, f->facing[v]) < FACING_COSINE) continue;
-        nearest = d;
-        best = v;
-    }
-    return best;
-}
-
-/*
- * Tips of ears and fingers lie between vertices. The original vertices that are farthest from the
- * mesh get the nearest mesh vertex each, which then stays there while the others even out.
- */
-static void reach_features(const fit *f, const mesh *original) {
-    double tolerance = FEATURE_TOLERANCE * mesh_diagonal(original);
-    double spacing = mesh_mean_edge(f->m);
-    miss *list = allocate(original->vertices, sizeof *list);
-    for (int round = 0; round < FEATURE_ROUNDS; round++) {
-        uint32_t count = 0, taken = 0;
-        bvh *b = bvh_build(f->m);
-        for (uint32_t v = 0; v < original->vertices; v++) {
-            double point[3];
-            double d = bvh_closest(b, original->x[v], NULL, 0, point, NULL);
-            if (d > tolerance) list[count++] = (miss){d, v};
-        }
-        bvh_free(b);
-        qsort(list, count, sizeof *list, compare_misses);
-        for (uint32_t i = 0; i < count; i++) {
-            const double *x = original->x[list[i].vertex];
-            bool covered = false;
-            for (uint32_t k = 0; k < taken && !covered; k++) {
-                covered = v_distance(x, original->x[list[k].vertex]) < 3 * spacing;
-            }
-            if (covered) continue;
-            list[taken++] = list[i];
-            double point[3], facing[3];
-            (void)bvh_closest(f->surface, x, NULL, 0, point, facing);
-            uint32_t v = nearest_vertex(f, x, facing);
-            if (v == UINT32_MAX) continue;
-            memcpy(f->m->x[v], x, sizeof point);
-            memcpy(f->facing[v], facing, sizeof facing);
-            f->pinned[v] = true;
-        }
-        if (taken == 0) break;
-        for (int step = 0; step < 4; step++) relax_all(f);
-    }
-    free(list);
-}
-
-/* A triangle is flipped when it faces against the sum of its three neighbours. */
-static uint32_t find_bad(const mesh *m, double smallest_angle_deg, bool *bad) {
-    uint32_t edges, flipped = 0;
-    mesh_edge *e = mesh_edges(m, &edges);
-    double(*normal)[3] = allocate(m->triangles, sizeof *normal);
-    double(*sum)[3] = allocate(m->triangles, sizeof *sum);
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        const uint32_t *t = m->t[i];
-        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], normal[i]);
-        v_normalize(normal[i]);
-    }
-    for (uint32_t i = 0; i < edges; i++) {
-        uint32_t a = e[i].triangle[0], b = e[i].triangle[1];
-        for (int k = 0; k < 3; k++) {
-            sum[a][k] += normal[b][k];
-            sum[b][k] += normal[a][k];
-        }
-    }
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        bool against = v_dot(normal[i], sum[i]) < 0;
-        flipped += against ? 1 : 0;
-        if (bad == NULL) continue;
-        mesh one = {.vertices = m->vertices, .triangles = 1, .x = m->x, .t = m->t + i};
-        bad[i] = against || mesh_smallest_angle_deg(&one) < smallest_angle_deg;
-    }
-    free(sum);
-    free(normal);
-    free(e);
-    return flipped;
-}
-
-static void spread(const fit *f, bool *move) {
-    bool *old = allocate(f->m->vertices, sizeof *old);
-    memcpy(old, move, f->m->vertices * sizeof *old);
-    for (uint32_t v = 0; v < f->m->vertices; v++) {
-        for (uint32_t i = f->offset[v]; old[v] && i < f->offset[v + 1]; i++)
-            move[f->ring[i]] = true;
-    }
-    free(old);
-}
-
-/* A last resort where the surface itself is folded: smoothing in space, off the surface. */
-static void unfold(const fit *f, const bool *bad) {
-    for (uint32_t i = 0; i < f->m->triangles; i++) {
-        for (int k = 0; k < 3 && bad[i]; k++) {
-            uint32_t v = f->m->t[i][k];
-            double mean[3] = {0};
-            double n = f->offset[v + 1] - f->offset[v];
-            for (uint32_t r = f->offset[v]; r < f->offset[v + 1]; r++) {
-                for (int c = 0; c < 3; c++) mean[c] += f->m->x[f->ring[r]][c] / n;
-            }
-            memcpy(f->m->x[v], mean, sizeof mean);
-        }
-    }
-}
-
-/* Relaxes around flipped and needle triangles, base vertices included, in growing neighbourhoods.
- */
-static void repair(const fit *f, double smallest_angle_deg) {
-    const mesh *m = f->m;
-    bool *bad = allocate(m->triangles, sizeof *bad);
-    bool *move = allocate(m->vertices, sizeof *move);
-    double(*best)[3] = allocate(m->vertices, sizeof *best);
-    uint32_t fewest = UINT32_MAX;
-    for (int step = 0; step < REPAIR_STEPS; step++) {
-        uint32_t count = 0;
-        (void)find_bad(m, smallest_angle_deg, bad);
-        memset(move, 0, m->vertices * sizeof *move);
-        for (uint32_t i = 0; i < m->triangles; i++) {
-            for (int k = 0; k < 3 && bad[i]; k++) move[m->t[i][k]] = true;
-            count += bad[i] ? 1 : 0;
-        }
-        if (count < fewest) {
-            fewest = count;
-            memcpy(best, m->x, m->vertices * sizeof *best);
-        }
-        if (count == 0) break;
-        for (int ring = 0; ring < step / 8; ring++) spread(f, move);
-        for (int sweep = 0; sweep < 4; sweep++) {
-            for (uint32_t v = 0; v < m->vertices; v++) {
-                if (move[v] && !(f->pinned[v] && step < REPAIR_STEPS / 2)) relax(f, v, 0.6);
-            }
-        }
-    }
-    memcpy(m->x, best, m->vertices * sizeof *best);
-    for (int step = 0; step < REPAIR_STEPS && find_bad(m, 0, bad) > 0; step++) unfold(f, bad);
-    free(best);
-    free(move);
-    free(bad);
 }
 
 /* The points of the base that the vertices of its `levels`-fold midpoint refinement stand for. */
@@ -278,9 +82,10 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *fa
     mesh_rings(&m, &f.offset, &f.ring);
     f.pinned = allocate(m.vertices, sizeof *f.pinned);
     for (uint32_t v = 0; v < s->base.vertices; v++) f.pinned[v] = true;
-    for (int step = 0; step < relax_steps; step++) relax_all(&f);
-    if (relax_steps > 0) reach_features(&f, original);
-    repair(&f, relax_steps > 0 ? BAD_ANGLE_DEG : 0);
+    for (int step = 0; step < relax_steps; step++) fit_relax_all(&f);
+    if (relax_steps > 0) fit_reach_features(&f, original);
+    fit_repair(&f, relax_steps > 0 ? BAD_ANGLE_DEG : 0);
+    fit_reach_rims(&f, original);
     free(f.pinned);
     free(f.offset);
     free(f.ring);
@@ -362,19 +167,21 @@ static void measure(const mesh *m, const mesh *original, const bvh *surface, rem
     one_way(original, result, &sum, &weight, &worst);
     r->mean = fmax(r->mean, sum / weight / diagonal);
     r->max = worst / diagonal;
-    r->flipped = find_bad(m, 0, NULL);
+    r->flipped = mesh_flipped(m);
     r->smallest_angle_deg = mesh_smallest_angle_deg(m);
     bvh_free(result);
 }
 
 static bool good_enough(const remesh_report *r) {
     return r->flipped == 0 && r->mean <= 0.9 * REMESH_MEAN && r->max <= 0.97 * REMESH_MAX &&
-           r->smallest_angle_deg > 2;
+           r->smallest_angle_deg > REMESH_ANGLE_DEG;
 }
 
 static bool better(const remesh_report *a, const remesh_report *b) {
     if (good_enough(a) != good_enough(b)) return good_enough(a);
     if (a->flipped != b->flipped) return a->flipped < b->flipped;
+    const bool needle = a->smallest_angle_deg < REMESH_ANGLE_DEG;
+    if (needle != (b->smallest_angle_deg < REMESH_ANGLE_DEG)) return !needle;
     return a->max + 8 * a->mean < b->max + 8 * b->mean;
 }
 
@@ -388,11 +195,19 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
     mesh_require_closed(in, path);
+    mesh_sort(in); /* one result, whatever the order in the file */
     bvh *surface = bvh_build(in);
+    mesh even = mesh_smallest_angle_deg(in) < NEEDLE_DEG
+                    ? mesh_refined(in, EVEN_EDGE * mesh_diagonal(in))
+                    : mesh_copy(in);
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
-        if (i >= USUAL && best.x != NULL) break;
+        if (i >= USUAL && best_report.flipped == 0) break;
         uint32_t target = base_triangles > 0 ? base_triangles : targets[i];
-        mesh dense = split_longest(in, target);
+        const double nodes = 0.5 * target * pow(4, levels) + 2;
+        if (tries > 1 && nodes > REMESH_NODES && best_report.flipped == 0 &&
+            best_report.max <= REMESH_MAX_LARGE)
+            break;
+        mesh dense = split_longest(&even, target);
         bvh *facing = bvh_build(&dense);
         simplified s = simplify(&dense, target);
         uint32_t crossing = mesh_self_intersection(&s.base);
@@ -416,6 +231,7 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         mesh_free(&dense);
     }
     bvh_free(surface);
+    mesh_free(&even);
     if (best.x == NULL) {
         uint32_t own = mesh_self_intersection(in);
         if (own != UINT32_MAX) {
@@ -435,6 +251,19 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     return best;
 }
 
+void remesh_warn(const remesh_report *r, const char *path) {
+    if (r->mean > REMESH_MEAN || r->max > REMESH_MAX)
+        warn("%s: remeshed with %.2g %% (mean) and %.2g %% (largest) of the diagonal between the "
+             "surfaces, more than %g and %g %%: thin or pointed parts may be lost: more "
+             "--base-faces than %" PRIu32 ", with --levels if the mesh grows too large",
+             path, 100 * r->mean, 100 * r->max, 100 * REMESH_MEAN, 100 * REMESH_MAX,
+             r->base_triangles);
+    if (r->smallest_angle_deg < REMESH_ANGLE_DEG)
+        warn("%s: remeshed with a smallest angle of %.2g degrees, less than %g: more --base-faces "
+             "than %" PRIu32 ", or bake the mesh --as-is",
+             path, r->smallest_angle_deg, REMESH_ANGLE_DEG, r->base_triangles);
+}
+
 /* ---- commands ---- */
 
 static const char remesh_help[] =
@@ -444,7 +273,8 @@ static const char remesh_help[] =
     "triangle split\n"
     "in four `--levels` times, vertices in coarse-to-fine order. Unused vertices are dropped and "
     "small holes\n"
-    "closed. Without --base-faces the base is the coarsest that stays within 0.5 % (mean) and 4 % "
+    "closed. Without --base-faces the base is the coarsest that stays within 0.3 % (mean) and 2.5 "
+    "% "
     "(max) of the\n"
     "bounding box diagonal.\n" MESH_HELP;
 
@@ -514,12 +344,7 @@ int command_remesh(int argc, char **argv) {
             100 * r.max);
     fprintf(say, "flipped triangles     %" PRIu32 "\n", r.flipped);
     fprintf(say, "smallest angle        %.2f degrees\n", r.smallest_angle_deg);
-    if (r.mean > REMESH_MEAN || r.max > REMESH_MAX) {
-        warn("warning: %s: the result is farther from the surface than %g %% (mean) or %g %% "
-             "(max): try "
-             "--base-faces %" PRIu32,
-             s.input, 100 * REMESH_MEAN, 100 * REMESH_MAX, 2 * r.base_triangles);
-    }
+    remesh_warn(&r, s.input);
     return EXIT_SUCCESS;
 }
 

@@ -14,17 +14,25 @@ typedef struct {
     uint32_t dropped; /* unused vertices */
 } remesh_report;
 
-#define REMESH_MEAN 0.005 /* what a result must reach; otherwise the base is refined */
-#define REMESH_MAX 0.04
+/* Goals: the base is refined until they are met. */
+#define REMESH_MEAN 0.003
+#define REMESH_MAX 0.025
+#define REMESH_ANGLE_DEG 2.0
+/* Larger results, which few machines can bake, are drawn only while the distance is above this. */
+#define REMESH_NODES 5200
+#define REMESH_MAX_LARGE 0.04
 
 /*
- * Simplifies `in` (whose unused vertices go) to a base of about
+ * Simplifies `in` (put in order: unused vertices go) to a base of about
  * `base_triangles` (0: as few as meet the limits above), splits it `levels` times and draws each
  * level onto the surface. Exits with the element named when the input is no closed manifold
  * component, or when no base without self-intersections is found.
  */
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
             remesh_report *report);
+
+/* Which goals were missed, with the remedy, on stderr. */
+void remesh_warn(const remesh_report *r, const char *path);
 
 /* palp remesh, palp subdivide: argv with the command's name first; returns the exit code. */
 int command_remesh(int argc, char **argv);

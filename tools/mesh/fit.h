@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: MIT */
+/* A mesh on the surface that it is to follow. */
+#ifndef PALP_TOOLS_FIT_H
+#define PALP_TOOLS_FIT_H
+
+#include "tools/mesh/bvh.h"
+
+/*
+ * One level being drawn onto the original surface. Each vertex is a particle that lives on that
+ * surface and remembers how it faces there: moves are tangential to the surface, not to the mesh,
+ * so that folds of the mesh unfold, and a thin part's far side stays out of reach.
+ */
+typedef struct {
+    mesh *m;
+    const bvh *surface;
+    uint32_t *offset, *ring;
+    double (*facing)[3];
+    bool *pinned; /* base vertices and those that hold a feature */
+} fit;
+
+/* Each vertex that is not pinned half the way to the mean of those around it, along the surface. */
+void fit_relax_all(const fit *f);
+
+/*
+ * Tips of ears and fingers lie between vertices. The original vertices that are farthest from the
+ * mesh get the nearest mesh vertex each, which then stays there while the others even out.
+ */
+void fit_reach_features(const fit *f, const mesh *original);
+
+/* Relaxes around flipped triangles and those with a smaller angle, base vertices included, in
+ * growing neighbourhoods; unfolds off the surface what is left. */
+void fit_repair(const fit *f, double smallest_angle_deg);
+
+/*
+ * What evening out and repair have taken from tips and rims is given back: the original vertices
+ * that are farthest from the mesh get the nearest mesh vertex, where that leaves the triangles sound.
+ */
+void fit_reach_rims(const fit *f, const mesh *original);
+
+/* Triangles that face against the sum of their three neighbours. */
+uint32_t mesh_flipped(const mesh *m);
+
+#endif
