@@ -27,6 +27,10 @@ awk '{print} /^f/ {print}' ball.obj > twice.obj
 refuses 1 "lies there twice" "a surface that is there twice" $palp remesh twice.obj -o out.obj
 awk '{print} /^f/ {print "f", $3, $2, $4}' ball.obj > two-sided.obj
 refuses 1 "lies there twice" "a surface with two sides" $palp remesh two-sided.obj -o out.obj
+printf 'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n' > no-face.ply
+refuses 1 "'element face N' is missing" "a PLY header without faces" $palp remesh no-face.ply -o out.obj
+printf 'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1' > short.ply
+refuses 1 "vertex 3: z should be a number" "a PLY that ends too early" $palp remesh short.ply -o out.obj
 printf 'v 0 0 0\nf 1 2 3\n' > range.obj
 refuses 1 "range.obj:2: vertex 2 is out of range" "a vertex that is not there" $palp remesh range.obj -o out.obj
 refuses 2 "name it .obj" "an output of another format" $palp remesh files/plain.obj -o out.stl

@@ -62,7 +62,9 @@ static bool triangles_meet(const mesh *m, uint32_t i, uint32_t j, double least) 
     return false;
 }
 
-uint32_t mesh_self_intersection(const mesh *m) {
+/* The first triangle that is cut; where `cut` is given, all that are get a mark, and none is passed
+ * over for being found. */
+static uint32_t find_crossings(const mesh *m, uint8_t *cut) {
     const double diagonal = mesh_diagonal(m), least = 1e-12 * diagonal * diagonal * diagonal;
     span *spans = allocate(m->triangles, sizeof *spans);
     uint32_t found = UINT32_MAX;
@@ -71,13 +73,22 @@ uint32_t mesh_self_intersection(const mesh *m) {
         spans[i] = (span){fmin(a, fmin(b, c)), fmax(a, fmax(b, c)), i};
     }
     qsort(spans, m->triangles, sizeof *spans, compare_spans);
-    for (uint32_t i = 0; i < m->triangles && found == UINT32_MAX; i++) {
+    for (uint32_t i = 0; i < m->triangles && (cut != NULL || found == UINT32_MAX); i++) {
         for (uint32_t j = i + 1; j < m->triangles && spans[j].low <= spans[i].high; j++) {
             if (!triangles_meet(m, spans[i].triangle, spans[j].triangle, least)) continue;
-            found = spans[i].triangle;
-            break;
+            if (found == UINT32_MAX) found = spans[i].triangle;
+            if (cut == NULL) break;
+            cut[spans[i].triangle] = cut[spans[j].triangle] = 1;
         }
     }
     free(spans);
     return found;
+}
+
+uint32_t mesh_self_intersection(const mesh *m) { return find_crossings(m, NULL); }
+
+uint8_t *mesh_crossings(const mesh *m) {
+    uint8_t *cut = allocate(m->triangles, 1);
+    (void)find_crossings(m, cut);
+    return cut;
 }

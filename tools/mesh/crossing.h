@@ -9,4 +9,7 @@
  * only touch, do not count. */
 uint32_t mesh_self_intersection(const mesh *m);
 
+/* [triangles]: 1 for each such triangle. To be freed. */
+uint8_t *mesh_crossings(const mesh *m);
+
 #endif

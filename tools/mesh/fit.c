@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/mesh/fit.h"
+#include "tools/mesh/crossing.h"
 #include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -299,12 +300,43 @@ static bool take_to(const rims *r, uint32_t v, const double x[3], const double f
     return false;
 }
 
+/* Back to `before` at triangles that cross others now and did not then, and around them, until there
+ * are none. */
+static void undo_crossings(const fit *f, double (*before)[3]) {
+    mesh *m = f->m;
+    double(*now)[3] = m->x;
+    m->x = before;
+    uint8_t *was = mesh_crossings(m);
+    m->x = now;
+    bool *back = allocate(m->vertices, sizeof *back);
+    for (bool any = true; any;) {
+        uint8_t *cut = mesh_crossings(m);
+        any = false;
+        for (uint32_t i = 0; i < m->triangles; i++) {
+            for (int k = 0; k < 3 && cut[i] > was[i]; k++) {
+                const uint32_t v = m->t[i][k];
+                any = any || memcmp(m->x[v], before[v], sizeof *before) != 0;
+                back[v] = true;
+            }
+        }
+        free(cut);
+        spread(f, back);
+        for (uint32_t v = 0; v < m->vertices; v++) {
+            if (back[v]) memcpy(m->x[v], before[v], sizeof *before);
+        }
+    }
+    free(was);
+    free(back);
+}
+
 void fit_reach_rims(const fit *f, const mesh *original) {
     const double tolerance =
         fmax(RIM_SPACINGS * mesh_mean_edge(f->m), RIM_TOLERANCE * mesh_diagonal(original));
     rims r = {.f = f, .across = mesh_across(f->m)};
     miss *list = allocate(original->vertices, sizeof *list);
     uint8_t *tried = allocate(f->m->vertices, 1);
+    double(*before)[3] = allocate(f->m->vertices, sizeof *before);
+    memcpy(before, f->m->x, f->m->vertices * sizeof *before);
     mesh_stars(f->m, &r.offset, &r.star);
     for (int round = 0; round < RIM_ROUNDS; round++) {
         uint32_t count = find_misses(f, original, tolerance, list), taken = 0;
@@ -320,7 +352,8 @@ void fit_reach_rims(const fit *f, const mesh *original) {
         }
         if (taken == 0) break;
     }
-    void *owned[] = {list, tried, r.across, r.offset, r.star};
+    undo_crossings(f, before);
+    void *owned[] = {list, tried, before, r.across, r.offset, r.star};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
 

@@ -24,6 +24,8 @@ typedef struct {
 typedef struct {
     const char *path, *p, *end;
     ply_format format;
+    const char *element, *property; /* that is being read, and the element's number from 1 */
+    size_t item;
 } ply_cursor;
 
 static ply_type ply_type_of(const char *name) {
@@ -40,11 +42,18 @@ static ply_type ply_type_of(const char *name) {
     return T_NONE;
 }
 
+static const char *skip_space(const char *p) {
+    while (isspace((unsigned char)*p)) p++;
+    return p;
+}
+
 static double ply_text_value(ply_cursor *c) {
     char *end;
     double v = strtod(c->p, &end);
     if (end == c->p)
-        die(EXIT_WORK, "%s: the file ends, or holds no number, at '%.16s'", c->path, c->p);
+        die(EXIT_WORK, "%s: %s %zu: %s should be a number, found '%.16s'", c->path, c->element,
+            c->item, c->property,
+            *skip_space(c->p) == '\0' ? "the end of the file" : skip_space(c->p));
     c->p = end;
     return v;
 }
@@ -53,7 +62,9 @@ static double ply_binary_value(ply_cursor *c, ply_type type) {
     static const size_t size[] = {0, 1, 1, 2, 2, 4, 4, 4, 8};
     unsigned char raw[8] = {0};
     size_t n = size[type];
-    if ((size_t)(c->end - c->p) < n) die(EXIT_WORK, "%s: the file is truncated", c->path);
+    if ((size_t)(c->end - c->p) < n)
+        die(EXIT_WORK, "%s: the file ends inside %s %zu of those that the header counts", c->path,
+            c->element, c->item);
     for (size_t i = 0; i < n; i++)
         raw[c->format == PLY_BIG ? n - 1 - i : i] = (unsigned char)c->p[i];
     c->p += n;
@@ -137,14 +148,20 @@ static void ply_strip(builder *b, ply_cursor *c, const ply_property *p, size_t e
     }
 }
 
+static bool names_corners(const char *property) {
+    return strcmp(property, "vertex_indices") == 0 || strcmp(property, "vertex_index") == 0;
+}
+
 static void ply_item(builder *b, ply_cursor *c, const ply_element *e, size_t item) {
     double x[3] = {0};
     bool vertex = strcmp(e->name, "vertex") == 0;
     bool face = strcmp(e->name, "face") == 0, strips = strcmp(e->name, "tristrips") == 0;
     for (size_t k = 0; k < e->properties; k++) {
         const ply_property *p = &e->property[k];
-        bool corners =
-            strcmp(p->name, "vertex_indices") == 0 || strcmp(p->name, "vertex_index") == 0;
+        const bool corners = names_corners(p->name);
+        c->element = e->name;
+        c->property = p->name;
+        c->item = item + 1;
         if (p->count_type != T_NONE && face && corners) {
             ply_face(b, c, p, item + 1);
         } else if (p->count_type != T_NONE && strips && corners) {
@@ -190,6 +207,11 @@ static void ply_property_line(builder *b, ply_element *e, char word[5][32], int 
     p->count_type = list ? ply_type_of(word[2]) : T_NONE;
     p->type = ply_type_of(word[list ? 3 : 1]);
     memcpy(p->name, word[list ? 4 : 2], sizeof p->name);
+    if (list && names_corners(p->name) && strcmp(e->name, "vertex") == 0)
+        die(EXIT_WORK,
+            "%s: the header lists %s among the properties of vertices: a line 'element face N' is "
+            "missing before it",
+            b->path, p->name);
     if (p->type == T_NONE || (list && p->count_type == T_NONE)) {
         die(EXIT_WORK, "%s: unknown type of property '%s' in the PLY header", b->path, p->name);
     }

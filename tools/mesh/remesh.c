@@ -177,11 +177,18 @@ static bool good_enough(const remesh_report *r) {
            r->smallest_angle_deg > REMESH_ANGLE_DEG;
 }
 
+/* 1 where all goals are met. */
+static double miss_of_goals(const remesh_report *r) {
+    const double angle = fmax(r->smallest_angle_deg, 1e-3);
+    return fmax(1, r->mean / REMESH_MEAN) * fmax(1, r->max / REMESH_MAX) *
+           sqrt(fmax(1, REMESH_ANGLE_DEG / angle));
+}
+
 static bool better(const remesh_report *a, const remesh_report *b) {
     if (good_enough(a) != good_enough(b)) return good_enough(a);
     if (a->flipped != b->flipped) return a->flipped < b->flipped;
-    const bool needle = a->smallest_angle_deg < REMESH_ANGLE_DEG;
-    if (needle != (b->smallest_angle_deg < REMESH_ANGLE_DEG)) return !needle;
+    const double one = miss_of_goals(a), other = miss_of_goals(b);
+    if (one < other || one > other) return one < other;
     return a->max + 8 * a->mean < b->max + 8 * b->mean;
 }
 
