@@ -55,6 +55,8 @@ static bool cut(const sim_bus *b) {
            fault_now(&b->faults, FAULT_DOWN, b->time_s) != NULL;
 }
 
+static uint16_t object_of(const fault *f) { return f != NULL ? (uint16_t)f->value : 0; }
+
 static void strike_device(sim_bus *b) {
     const fault *jump = fault_now(&b->faults, FAULT_JUMP, b->time_s);
     bool drive = fault_now(&b->faults, FAULT_DRIVE, b->time_s) != NULL;
@@ -63,6 +65,8 @@ static void strike_device(sim_bus *b) {
     if (fault_strikes(&b->faults, FAULT_GLITCH, b->time_s)) b->device.offset_turns = GLITCH_TURNS;
     if (fault_now(&b->faults, FAULT_NAN, b->time_s) != NULL) b->device.offset_turns = (double)NAN;
     b->device.drive[0].error = drive ? DRIVE_ERROR : 0;
+    b->device.drive[0].refuses = object_of(fault_now(&b->faults, FAULT_REFUSE, b->time_s));
+    b->device.drive[0].ignores = object_of(fault_now(&b->faults, FAULT_IGNORE, b->time_s));
 }
 
 static void answer(sim_bus *b) {

@@ -78,7 +78,9 @@ static void sdo_write(sim_drive *d, const palp_sdo *s) {
 
 static void sdo_serve(sim_drive *d, const palp_sdo *s) {
     palp_sdo a = {.index = s->index, .sub = s->sub};
-    if (s->command == PALP_SDO_READ) {
+    if (s->index == d->refuses) {
+        a = (palp_sdo){PALP_SDO_ABORT, s->index, s->sub, 0x06020000}; /* no such object */
+    } else if (s->command == PALP_SDO_READ) {
         a.command = PALP_SDO_VALUE(4);
         if (s->index == 0x6502)
             a.value = 1u << 9;
@@ -92,7 +94,7 @@ static void sdo_serve(sim_drive *d, const palp_sdo *s) {
         a = (palp_sdo){PALP_SDO_ABORT, s->index, s->sub, 0x06020000};
     } else {
         a.command = PALP_SDO_WRITTEN;
-        sdo_write(d, s);
+        if (s->index != d->ignores) sdo_write(d, s);
     }
     answer(d, palp_sdo_encode(PALP_COB_SDO_ANSWER + d->node, a));
 }

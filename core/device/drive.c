@@ -112,11 +112,14 @@ static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, pa
     if ((answered && right) || (step.optional && aborted)) {
         d->step++;
         d->waited = d->tries = 0;
+        d->mismatch = false;
     } else if (aborted) {
-        d->error = sdo.value;
+        d->error = d->answer = sdo.value;
         d->misconfigured = true;
+        d->mismatch = false;
     } else {
         d->mismatch = true; /* some show a new mode only later: it is read again */
+        d->answer = sdo.value;
     }
     return heard(d, PALP_RX_STATUS);
 }
@@ -203,6 +206,34 @@ static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_driv
     }
     out[0] = palp_rpdo_encode(d->node, controlword, thousandths);
     return 1;
+}
+
+/* What the configuration is stuck at. */
+static palp_drive_trouble cia402_trouble(const palp_drive *d, const palp_drive_config *c) {
+    const palp_cia402_step step = cia402_step(d, c);
+    const bool silent = d->tries > SDO_TRIES && !d->mismatch;
+    return (palp_drive_trouble){.kind = silent        ? PALP_TROUBLE_SILENT
+                                        : d->mismatch ? PALP_TROUBLE_DIFFERENT
+                                                      : PALP_TROUBLE_REFUSED,
+                                .node = d->node,
+                                .written = step.size > 0u,
+                                .index = step.index,
+                                .sub = step.sub,
+                                .value = step.value,
+                                .mask = step.mask,
+                                .answer = d->answer};
+}
+
+palp_drive_trouble palp_drive_trouble_of(const palp_drive *drive, const palp_drive_config *config) {
+    if (!drive->heard)
+        return (palp_drive_trouble){.kind = PALP_TROUBLE_SILENT, .node = drive->node};
+    if (config->protocol == PALP_PROTOCOL_CIA402 && drive->misconfigured &&
+        drive->step < PALP_CIA402_STEPS)
+        return cia402_trouble(drive, config);
+    return (palp_drive_trouble){.kind = drive->error == PALP_DRIVE_NO_ERROR ? PALP_TROUBLE_NONE
+                                                                            : PALP_TROUBLE_ERROR,
+                                .node = drive->node,
+                                .answer = drive->error};
 }
 
 /* ---- moteus ---- */

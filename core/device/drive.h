@@ -71,6 +71,7 @@ typedef struct {
     bool misconfigured;  /* did not take its configuration, or is not the drive described */
     bool mismatch;       /* something read back was not what it must be */
     uint32_t error;      /* the drive's own code; 0: none */
+    uint32_t answer;     /* CiA 402: abort code or value that the configuration ended with */
     uint32_t status_age; /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
     /* Protocol internals. */
@@ -87,6 +88,26 @@ typedef struct {
 #define PALP_DRIVE_ERROR_SILENT 0xffff0001u /* configuration: no answer */
 #define PALP_DRIVE_ERROR_MISCONFIGURED                                                             \
     0xffff0002u /* configuration: not the drive that is described */
+
+/* What keeps a drive from working, for people to read. */
+typedef enum {
+    PALP_TROUBLE_NONE,
+    PALP_TROUBLE_SILENT,    /* says nothing at all, or does not answer for the object */
+    PALP_TROUBLE_REFUSED,   /* CiA 402: aborted the transfer of the object; `answer` is the code */
+    PALP_TROUBLE_DIFFERENT, /* CiA 402: reads `answer` where `value` is needed under `mask` */
+    PALP_TROUBLE_ERROR      /* `answer` is the drive's own code */
+} palp_trouble_kind;
+typedef struct {
+    palp_trouble_kind kind;
+    uint8_t node;
+    bool written; /* the object was written with `value`; else read */
+    uint8_t sub;
+    uint16_t index; /* of the object; 0: none */
+    uint32_t value, mask, answer;
+} palp_drive_trouble;
+
+/* Constant time. */
+palp_drive_trouble palp_drive_trouble_of(const palp_drive *drive, const palp_drive_config *config);
 
 /* Forgets all but the node number: the drive is to be probed anew. */
 void palp_drive_init(palp_drive *drive, uint8_t node);

@@ -117,6 +117,11 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
 
 const palp_counters *palp_servo_counters(const palp_servo *servo) { return &servo->counters; }
 
+palp_drive_trouble palp_servo_trouble(const palp_servo *servo, uint32_t axis) {
+    if (axis >= servo->axes.count) return (palp_drive_trouble){.kind = PALP_TROUBLE_NONE};
+    return palp_drive_trouble_of(&servo->axes.drive[axis], &servo->config.device.drives);
+}
+
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
     const palp_answer *a = &servo->answer;
     palp_load_list list = {.load = load, .capacity = PALP_SERVO_LOADS};

@@ -118,6 +118,10 @@ float palp_servo_cost_after(const palp_prices *price);
 /* Totals since the servo was opened; the pointer holds as long as the servo. Constant time. */
 const palp_counters *palp_servo_counters(const palp_servo *servo);
 
+/* What keeps the drive of an axis from working; NONE for an axis that is not there. Constant time,
+ * outside the bound of a tick. */
+palp_drive_trouble palp_servo_trouble(const palp_servo *servo, uint32_t axis);
+
 /* For the display path: the forces of the last tick on the body, in load[PALP_SERVO_LOADS]; returns
  * how many. */
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load);

@@ -38,8 +38,9 @@ typedef struct {
     palp_counters counters;
     double in_time_s[RECORD_FRAMES]; /* when each frame came in, by the kernel */
     palp_can_frame in[RECORD_FRAMES], out[PALP_SERVO_FRAMES_OUT];
-    uint32_t clock_ns[RECORD_CLOCKS]; /* after the first */
-    palp_load load[RECORD_LOADS];     /* forces on the body, for the display */
+    uint32_t clock_ns[RECORD_CLOCKS];      /* after the first */
+    palp_load load[RECORD_LOADS];          /* forces on the body, for the display */
+    palp_drive_trouble trouble[PALP_AXES]; /* outside RUN; not on record */
 } tick_record;
 
 /* Goes on from `digest` with what a tick sent and found: frames, state, faults, level, force,

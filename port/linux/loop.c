@@ -156,6 +156,8 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
     t->digest = *digest;
     t->counters = *palp_servo_counters(l->servo);
     t->load_count = palp_servo_loads(l->servo, t->load);
+    for (uint32_t i = 0; i < PALP_AXES && t->report.state != PALP_STATE_RUN; i++)
+        t->trouble[i] = palp_servo_trouble(l->servo, i);
     if (t != &l->scratch) ring_end(&l->ring);
 }
 

@@ -8,6 +8,7 @@
 #include "port/host/placement.h"
 #include "sim/bus.h"
 #include "port/host/report.h"
+#include "port/host/trouble.h"
 #include "port/host/view.h"
 #include "port/linux/telemetry.h"
 #include "port/host/args.h"
@@ -57,7 +58,8 @@ static const char help[] =
     "  --no-wait           do not wait for the clock between ticks\n"
     "  --fault LIST        KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "
     "glitch\n"
-    "                      nan drive busoff enobufs down overrun, at T s for D s (0.01), V as in "
+    "                      nan drive refuse ignore busoff enobufs down overrun, at T s for D s "
+    "(0.01), V as in "
     "sim/README.md\n"
     "  --seed N            of what is random in them\n"
     "\n"
@@ -235,8 +237,18 @@ typedef struct {
     bool state_shown;
 } consumer;
 
+/* Which drive it was, and what of it. */
+static void announce_trouble(const consumer *f, const tick_record *t) {
+    for (uint32_t i = 0; i < palp_axes(&f->device->kinematics); i++) {
+        char text[320];
+        trouble_text(&t->trouble[i], f->device->drives.protocol, text, sizeof text);
+        if (text[0] != '\0') warn("%s", text);
+    }
+}
+
 /* Says at once when the state changes, so that nobody waits for a device that is not there. */
-static void announce(consumer *f, const palp_report *r) {
+static void announce(consumer *f, const tick_record *t) {
+    const palp_report *r = &t->report;
     if (f->state_shown && r->state == f->last_state) return;
     f->state_shown = true;
     f->last_state = r->state;
@@ -255,6 +267,8 @@ static void announce(consumer *f, const palp_report *r) {
     } else {
         warn("%s%s%s", report_state(r->state), r->faults != 0 ? ": " : "", faults);
     }
+    if ((r->faults & (PALP_FAULT_CONFIG | PALP_FAULT_ENABLE | PALP_FAULT_DRIVE)) != 0)
+        announce_trouble(f, t);
 }
 
 static void consume_tick(consumer *f, const tick_record *t) {
@@ -275,7 +289,7 @@ static void consume_tick(consumer *f, const tick_record *t) {
     uint64_t every = (uint64_t)(f->spec->rate_hz / DDS_HZ + 0.5);
     if (f->telemetry != NULL && r->tick % (every > 0 ? every : 1) == 0)
         telemetry_publish(f->telemetry, t);
-    announce(f, r);
+    announce(f, t);
 }
 
 static void consume(consumer *f) {

@@ -13,6 +13,17 @@ for device in arm3 desk3 arm3-cia402 arm3-moteus arm3-mit arm3-mit-fd arm3-palp 
     ok $status "$device: feels, and its log repeats: $said"
 done
 
+# ---- what a drive does not take ----
+trouble() { # trouble FAULT TEXT: palpd ends with 1 and says it
+    loop --device arm3-cia402 --lockstep --fault "$1" > /dev/null 2> err.txt; [ $? -eq 1 ] && grep -qF -- "$2" err.txt
+    ok $? "CiA 402, $1: $(grep node err.txt)"
+}
+trouble refuse=0x6502 "node 1 does not let 0x6502:00 (modes that it has) be read: abort code 0x06020000, no such object"
+trouble refuse=0x6060 "node 1 refuses 10 (0xa) in 0x6060:00 (mode): abort code 0x06020000"
+trouble ignore=0x6060 "node 1: 0x6061:00 (mode that it is in) reads 0 (0x0), 10 is needed"
+trouble drive "node 1 reports error 0x40"
+loop --device arm3-cia402 --lockstep --fault refuse=0x60c2 > /dev/null 2> err.txt && ! grep -q node err.txt; ok $? "a drive without an optional object works"
+
 # ---- replay ----
 loop --device arm3 --lockstep --log step.log >/dev/null 2>&1; $palp replay step.log body.palp >/dev/null 2>&1; ok $? "a log in lockstep repeats as well"
 loop --device arm3 --lockstep --friction 0.5,0.3 --log rub.log >out.txt 2>&1; grep -q '^energy *given to the hand: 0 J' out.txt; ok $? "the summary says in words what the hand was given"
