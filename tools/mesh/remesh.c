@@ -169,19 +169,24 @@ static void measure(const mesh *m, const mesh *original, const bvh *surface, rem
     r->max = worst / diagonal;
     r->flipped = mesh_flipped(m);
     r->smallest_angle_deg = mesh_smallest_angle_deg(m);
+    const uint32_t crossing = mesh_self_intersection(m);
+    r->crosses = crossing != UINT32_MAX;
+    if (r->crosses) memcpy(r->crossing, m->x[m->t[crossing][0]], sizeof r->crossing);
     bvh_free(result);
 }
 
 static bool good_enough(const remesh_report *r) {
     return r->flipped == 0 && r->mean <= 0.9 * REMESH_MEAN && r->max <= 0.97 * REMESH_MAX &&
-           r->smallest_angle_deg > REMESH_ANGLE_DEG;
+           r->smallest_angle_deg > REMESH_ANGLE_DEG && !r->crosses;
 }
+
+#define CROSSING 3.0 /* as bad as that many times the distance */
 
 /* 1 where all goals are met. */
 static double miss_of_goals(const remesh_report *r) {
     const double angle = fmax(r->smallest_angle_deg, 1e-3);
     return fmax(1, r->mean / REMESH_MEAN) * fmax(1, r->max / REMESH_MAX) *
-           sqrt(fmax(1, REMESH_ANGLE_DEG / angle));
+           sqrt(fmax(1, REMESH_ANGLE_DEG / angle)) * (r->crosses ? CROSSING : 1);
 }
 
 static bool better(const remesh_report *a, const remesh_report *b) {
@@ -265,6 +270,11 @@ void remesh_warn(const remesh_report *r, const char *path) {
              "--base-faces than %" PRIu32 ", with --levels if the mesh grows too large",
              path, 100 * r->mean, 100 * r->max, 100 * REMESH_MEAN, 100 * REMESH_MAX,
              r->base_triangles);
+    if (r->crosses)
+        warn("%s: remeshed, the surface crosses itself near (%.4g, %.4g, %.4g), where walls are "
+             "thin: "
+             "more --base-faces than %" PRIu32 ", or bake the mesh --as-is",
+             path, r->crossing[0], r->crossing[1], r->crossing[2], r->base_triangles);
     if (r->smallest_angle_deg < REMESH_ANGLE_DEG)
         warn("%s: remeshed with a smallest angle of %.2g degrees, less than %g: more --base-faces "
              "than %" PRIu32 ", or bake the mesh --as-is",

@@ -11,6 +11,8 @@ typedef struct {
     double mean, max; /* distance between the surfaces, both ways, over the bounding box diagonal */
     uint32_t flipped; /* triangles that face against their neighbours */
     double smallest_angle_deg;
+    bool crosses; /* itself, near this place */
+    double crossing[3];
     uint32_t dropped; /* unused vertices */
 } remesh_report;
 
