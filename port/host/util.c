@@ -200,3 +200,13 @@ bool has_extension(const char *path, const char *extension) {
     const char *dot = strrchr(path, '.');
     return dot != NULL && strcasecmp(dot, extension) == 0;
 }
+
+void numbered_path(const char *path, int number, char *name, size_t room) {
+    const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
+    int stem =
+        (int)(dot != NULL && (slash == NULL || dot > slash) ? dot - path : (int)strlen(path));
+    if (number < 0)
+        snprintf(name, room, "%s", path);
+    else
+        snprintf(name, room, "%.*s-%d%s", stem, path, number, path + stem);
+}

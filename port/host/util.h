@@ -59,4 +59,7 @@ double now_s(void);
 /* Whether a path ends in an extension, ".obj", in capitals or not. */
 bool has_extension(const char *path, const char *extension);
 
+/* One of several files: "-NUMBER" before the extension of `path`; -1: as it is. */
+void numbered_path(const char *path, int number, char *name, size_t room);
+
 #endif

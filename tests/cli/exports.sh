@@ -48,11 +48,16 @@ cube() { # cube X Y Z FIRST: a cube of 0.4 with its vertices numbered from FIRST
     awk -v x="$1" -v y="$2" -v z="$3" -v o="$4" 'BEGIN {for (i = 0; i < 8; i++) print "v", x + 0.4 * (i % 2), y + 0.4 * (int(i / 2) % 2), z + 0.4 * int(i / 4)
         split("0 2 3 1 4 5 7 6 0 1 5 4 2 6 7 3 0 4 6 2 1 3 7 5", f, " "); for (i = 0; i < 6; i++) print "f", f[4*i+1]+o, f[4*i+2]+o, f[4*i+3]+o, f[4*i+4]+o}'
 }
-{ cube 0 0 0 1; cube 0.5 0 0 9; sed -n '/^v/p' ball.obj; awk '/^f/ {print "f", $2 + 16, $3 + 16, $4 + 16}' ball.obj; } > three.obj
+{ cube 0 0 0 1; cube 0.5 0 0 9; awk '/^v/ {print "v", $2 + 3, $3, $4}' ball.obj; awk '/^f/ {print "f", $2 + 16, $3 + 16, $4 + 16}' ball.obj; } > three.obj
 refuses 1 "several components: 3" "three bodies in a file" $palp remesh three.obj -o out.obj
 $palp subdivide three.obj -o read.obj --levels 0 --largest > /dev/null 2> err.txt && [ "$(grep -c '^v ' read.obj)" -eq "$n" ] && grep -q 'component 0 of 3 kept' err.txt; ok $? "--largest: $(cat err.txt)"
 $palp subdivide three.obj -o read.obj --levels 0 --component 2 > /dev/null 2>&1 && [ "$(grep -c '^v ' read.obj)" -eq 8 ]; ok $? "--component 2"
 refuses 2 "no component 3: there are 3" "a component that is not there" $palp subdivide three.obj -o out.obj --component 3
+$palp bake three.obj --as-is --each -o each.palp --young 1e4 --poisson 0.4 --fix-below z 0.001 > bake.txt 2> err.txt && [ "$(for i in 0 1 2; do $palp info each-$i.palp | sed -n 's/^nodes *\([0-9]*\).*/\1/p'; done | tr '\n' ' ')" = "$n 8 8 " ]
+ok $? "--each: three blobs"
+refuses 1 "no node of component 1 is fixed" "--each: a component that nothing holds" $palp bake three.obj --as-is --each -o each.palp --young 1e4 --poisson 0.4 --fix-below z -0.5
+{ cat ball.obj; sed -n '/^v/p' ball.obj | awk '{print "v", 0.5 * $2, 0.5 * $3, 0.5 * $4}'; awk -v n="$n" '/^f/ {print "f", $2 + n, $4 + n, $3 + n}' ball.obj; } > hollow.obj
+refuses 1 "component 1 lies inside component 0" "a hollow body" $palp remesh hollow.obj -o out.obj
 for touch in "0.4 0.4 0 edge" "0.4 0.4 0.4 corner"; do
     set -- $touch
     { cube 0 0 0 1; cube "$1" "$2" "$3" 9; } > touching.obj

@@ -145,7 +145,9 @@ static void fix_listed(const fix *f, uint32_t nodes, uint8_t *fixed) {
     free(list);
 }
 
-static bool selects(const fix *f, const double x[3]) {
+static bool selects(const body_spec *s, const fix *f, const double place[3]) {
+    double x[3];
+    for (int k = 0; k < 3; k++) x[k] = place[k] + s->origin[k];
     if (f->kind == FIX_BELOW) return x[f->axis] <= f->value[0];
     if (f->kind == FIX_ABOVE) return x[f->axis] >= f->value[0];
     for (int k = 0; k < 3; k++) {
@@ -185,7 +187,7 @@ uint8_t *body_bones(const body_spec *s, const mesh *m) {
             fix_listed(f, m->vertices, fixed);
             continue;
         }
-        for (uint32_t i = 0; i < m->vertices; i++) fixed[i] |= selects(f, m->x[i]) ? 1 : 0;
+        for (uint32_t i = 0; i < m->vertices; i++) fixed[i] |= selects(s, f, m->x[i]) ? 1 : 0;
     }
     return fixed;
 }
@@ -194,12 +196,11 @@ uint8_t *body_fixed(const body_spec *s, const mesh *m) {
     uint8_t *fixed = body_bones(s, m);
     uint32_t count = 0;
     for (uint32_t i = 0; i < m->vertices; i++) count += fixed[i];
-    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-    for (uint32_t i = 0; i < m->vertices; i++) {
-        for (int k = 0; k < 3; k++) {
-            lo[k] = fmin(lo[k], m->x[i][k]);
-            hi[k] = fmax(hi[k], m->x[i][k]);
-        }
+    double lo[3], hi[3];
+    mesh_bounds(m, lo, hi);
+    for (int k = 0; k < 3; k++) {
+        lo[k] += s->origin[k];
+        hi[k] += s->origin[k];
     }
     if (count == 0) {
         die(EXIT_WORK, "no node is fixed: the mesh spans x %g..%g, y %g..%g, z %g..%g", lo[0],
@@ -217,7 +218,7 @@ uint8_t *body_fixed(const body_spec *s, const mesh *m) {
 
 mesh body_mesh(const body_spec *s) {
     mesh m = mesh_load_as(s->mesh_path, &s->choice, s->as_is ? HOLES_AS_IS : HOLES_REMESHED);
-    require_near_origin(m.x, m.vertices, s->mesh_path);
+    if (!s->anywhere) require_near_origin(m.x, m.vertices, s->mesh_path);
     if (!s->as_is) {
         remesh_report report;
         mesh r = remesh(&m, s->mesh_path, s->levels, s->base_faces, &report);
@@ -243,6 +244,21 @@ mesh body_mesh(const body_spec *s) {
             s->mesh_path, m.vertices, PALP_MAX_NODES);
     }
     return m;
+}
+
+#define FAR_SIZES 16.0 /* single precision has 2^-24 of the distance */
+
+void body_recentre(body_spec *s, mesh *m) {
+    double low[3], high[3], farthest = 0;
+    mesh_bounds(m, low, high);
+    for (int k = 0; k < 3; k++) farthest = fmax(farthest, fmax(fabs(low[k]), fabs(high[k])));
+    if (farthest <= FAR_SIZES * mesh_diagonal(m)) return;
+    for (int k = 0; k < 3; k++) s->origin[k] = 0.5 * (low[k] + high[k]);
+    for (uint32_t i = 0; i < m->vertices; i++) v_sub(m->x[i], s->origin, m->x[i]);
+    warn("%s: the body lies %.3g m from the origin: the blob has its own at (%.9g, %.9g, %.9g) of "
+         "the "
+         "file, the middle of the body",
+         s->mesh_path, farthest, s->origin[0], s->origin[1], s->origin[2]);
 }
 
 void body_require_memory(const body_spec *s, const mesh *m, double columns, bool has_levels) {

@@ -28,14 +28,16 @@ typedef struct {
     double young_Pa, poisson, density;
     fix fixes[MAX_FIXES];
     int fix_count;
+    bool anywhere;    /* may lie far from the origin: the blob's is moved (body_recentre) */
+    double origin[3]; /* where the blob's origin is in the file */
 } body_spec;
 
 /* For option tables. */
 #define BODY_OPTIONS                                                                               \
-    {"--mesh", 1}, {"--levels", 1}, {"--base-faces", 1}, {"--as-is", 0}, {"--loop", 1}, {"--young", -2},                \
-        {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2}, {"--fix-above", 2},                \
-        {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1}, {"--crisp", 0},                 \
-        {"--method", 1}, MESH_OPTIONS, {                                                           \
+    {"--mesh", 1}, {"--levels", 1}, {"--base-faces", 1}, {"--as-is", 0}, {"--loop", 1},            \
+        {"--young", -2}, {"--poisson", 1}, {"--density", 1}, {"--fix-below", 2},                   \
+        {"--fix-above", 2}, {"--fix-box", 6}, {"--fix-nodes", 1}, {"--compliance", 1},             \
+        {"--crisp", 0}, {"--method", 1}, MESH_OPTIONS, {                                           \
         "--threads", 1                                                                             \
     }
 
@@ -55,6 +57,11 @@ void body_require(const body_spec *s);
 
 /* Loads, remeshes or subdivides; exits if the mesh is not closed or too large. */
 mesh body_mesh(const body_spec *s);
+
+/* Moves the origin into the middle of a body that lies so far from its file's that single precision
+ * would cost it more than 1e-6 of its size, and says so. Fixed nodes are still chosen in the file's
+ * coordinates. */
+void body_recentre(body_spec *s, mesh *m);
 
 /* Nodes from a file, one per line, each below `nodes`; exits 2 with the line. To be freed. */
 uint32_t *body_node_list(const char *path, uint32_t nodes, uint32_t *count);

@@ -3,6 +3,7 @@
 #include "tools/cli/commands.h"
 #include "port/host/parallel.h"
 #include "tools/bake/sha256.h"
+#include "tools/mesh/components.h"
 #include "tools/tet/tetbake.h"
 #include "port/host/util.h"
 #include "tools/zone/zonebake.h"
@@ -19,6 +20,7 @@ static const char help[] =
     "wavelet-compressed, as a blob.\n"
     "\n"
     "  -o OUT.palp             the blob\n"
+    "  --each                  every component as a body of its own: OUT-0.palp, OUT-1.palp, ..\n"
     "  --levels N              remesh to N refinements of a coarse base first (default 3)\n"
     "  --base-faces N          triangles of that base (default: as few as follow the surface)\n"
     "  --as-is                 use the mesh exactly as given\n" MESH_HELP
@@ -75,9 +77,10 @@ static const char help[] =
     "into a model file.\n";
 
 #define BAKE_OPTIONS                                                                               \
-    BODY_OPTIONS, TET_OPTIONS, {"-o", 1}, {"--wavelet", 1}, {"--unlifted", 0}, {"--epsilon", 1},   \
-        {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1}, {"--storage", 1},        \
-        {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1}, {"--modes", 1}, {               \
+    BODY_OPTIONS, TET_OPTIONS, {"-o", 1}, {"--each", 0}, {"--wavelet", 1}, {"--unlifted", 0},      \
+        {"--epsilon", 1}, {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1},        \
+        {"--storage", 1}, {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1},               \
+        {"--modes", 1}, {                                                                          \
         "--detail-levels", 1                                                                       \
     }
 
@@ -89,7 +92,7 @@ typedef struct {
     zone_model zones;
     tet_model tets;
     const char *input, *output, *save_mesh, *detail;
-    bool half, raw, level_chosen, in_file, table_given;
+    bool each, half, raw, level_chosen, in_file, table_given;
     uint32_t constraint_level, detail_levels, modes;
     double epsilon, table_mb;
     wavelet wavelet;
@@ -118,6 +121,8 @@ static void set_option(void *context, const argument *a) {
         return;
     } else if (strcmp(o, "-o") == 0) {
         s->output = a->value[0];
+    } else if (strcmp(o, "--each") == 0) {
+        s->each = true;
     } else if (strcmp(o, "--wavelet") == 0) {
         s->wavelet.kind = arg_word(a, wavelets) == 1 ? WAVELET_BUTTERFLY : WAVELET_LINEAR;
     } else if (strcmp(o, "--unlifted") == 0) {
@@ -309,47 +314,96 @@ static int bake_tets(const bake_spec *s, output *out, double start) {
     return EXIT_SUCCESS;
 }
 
+/* One elastostatic body into one blob. */
+static void bake_body(bake_spec *s, const char *path, output *out, double start) {
+    s->body.anywhere = true;
+    mesh m = body_mesh(&s->body);
+    if (s->save_mesh != NULL) mesh_save_obj(&m, s->save_mesh);
+    body_recentre(&s->body, &m);
+    uint8_t *fixed = body_fixed(&s->body, &m);
+    double *area = allocate(m.vertices, sizeof *area);
+    double(*normal)[3] = allocate(m.vertices, sizeof *normal);
+    mesh_nodal(&m, area, normal);
+    build_options build = {.wavelet = s->wavelet,
+                           .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
+                           .table_bytes = s->table_mb * 1e6,
+                           .raw = s->raw,
+                           .modes = s->modes,
+                           .presses = BUILD_PRESSES};
+    domains d = domains_build(&m, fixed, area, build.wavelet);
+    build.constraint_level = choose_constraint_level(s, &m, &d);
+    detail_data detail = {.vertices = 0};
+    if (s->detail != NULL) {
+        mesh fine = mesh_load(s->detail);
+        for (uint32_t i = 0; i < fine.vertices; i++) v_sub(fine.x[i], s->body.origin, fine.x[i]);
+        detail = detail_build(&m, s->detail_levels, &fine);
+        mesh_free(&fine);
+        build.detail = &detail;
+    }
+    greens g = body_greens(&s->body, &m, fixed, &d, build.constraint_level, s->raw);
+    built b = blob_build(&m, &g, &d, area, normal, describe(s), &build);
+    report_regularisation(&b, s->epsilon);
+    if (fwrite(b.bytes, 1, b.size, out->file) != b.size) die(EXIT_WORK, "cannot write %s", path);
+    commit_output(out);
+    double size[3];
+    mesh_extent(&m, size);
+    fprintf(strcmp(path, "-") == 0 ? stderr : stdout,
+            "size                  %.3g x %.3g x %.3g cm\n", 100 * size[0], 100 * size[1],
+            100 * size[2]);
+    report(strcmp(path, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);
+}
+
+/* Every component as a body of its own: OUT-0.palp, OUT-1.palp, .. */
+static int bake_each(bake_spec *s, double start) {
+    if (s->body.choice.one || s->save_mesh != NULL || s->detail != NULL ||
+        strcmp(s->output, "-") == 0)
+        die(EXIT_USAGE, "--each makes several blobs: without --largest, --component, --save-mesh, "
+                        "--detail and -o -");
+    mesh m = mesh_load_as(s->body.mesh_path, &s->body.choice,
+                          s->body.as_is ? HOLES_AS_IS : HOLES_REMESHED);
+    mesh_components c = mesh_find_components(&m);
+    uint8_t *fixed = body_bones(&s->body, &m);
+    bool *held = allocate(c.count, sizeof *held);
+    mesh_refuse_cavities(&m, &c, s->body.mesh_path);
+    for (uint32_t t = 0; t < m.triangles; t++)
+        held[c.of[t]] = held[c.of[t]] || fixed[m.t[t][0]] || fixed[m.t[t][1]] || fixed[m.t[t][2]];
+    for (uint32_t i = 0; i < c.count; i++) {
+        if (!held[i])
+            die(EXIT_WORK,
+                "%s: no node of component %" PRIu32
+                " is fixed: fix it, or leave it out (palp check lists them)",
+                s->body.mesh_path, i);
+    }
+    for (uint32_t i = 0; i < c.count; i++) {
+        char path[4096];
+        numbered_path(s->output, (int)i, path, sizeof path);
+        s->body.choice.one = true;
+        s->body.choice.component = i;
+        memset(s->body.origin, 0, sizeof s->body.origin);
+        printf("%s%s\n", i > 0 ? "\n" : "", path);
+        output out = open_output(path);
+        bake_body(s, path, &out, start);
+    }
+    mesh_components_free(&c);
+    mesh_free(&m);
+    free(fixed);
+    free(held);
+    return EXIT_SUCCESS;
+}
+
 int command_bake(int argc, char **argv) {
     double start = now_s();
     bake_spec s = read_spec(argc, argv);
     if (s.input == NULL) die(EXIT_USAGE, "no input mesh (--help shows the usage)");
     if (s.output == NULL) die(EXIT_USAGE, "no output: add -o OUT.palp");
     if (s.zones.zones == 0 && s.tets.levels == 0) body_require(&s.body);
+    if (s.each && (s.tets.levels > 0 || s.zones.zones > 0))
+        die(EXIT_USAGE, "--each is for bodies without zones that do not move");
+    if (s.each) return bake_each(&s, start);
     output out = open_output(s.output);
     if (s.tets.levels > 0) return bake_tets(&s, &out, start);
     if (s.zones.zones > 0) return bake_zones(&s, &out, start);
 
-    mesh m = body_mesh(&s.body);
-    if (s.save_mesh != NULL) mesh_save_obj(&m, s.save_mesh);
-    uint8_t *fixed = body_fixed(&s.body, &m);
-    double *area = allocate(m.vertices, sizeof *area);
-    double(*normal)[3] = allocate(m.vertices, sizeof *normal);
-    mesh_nodal(&m, area, normal);
-    build_options build = {.wavelet = s.wavelet,
-                           .compress = {.epsilon = s.epsilon, .rule = s.rule, .half = s.half},
-                           .table_bytes = s.table_mb * 1e6,
-                           .raw = s.raw,
-                           .modes = s.modes,
-                           .presses = BUILD_PRESSES};
-    domains d = domains_build(&m, fixed, area, build.wavelet);
-    build.constraint_level = choose_constraint_level(&s, &m, &d);
-    detail_data detail = {.vertices = 0};
-    if (s.detail != NULL) {
-        mesh fine = mesh_load(s.detail);
-        detail = detail_build(&m, s.detail_levels, &fine);
-        mesh_free(&fine);
-        build.detail = &detail;
-    }
-    greens g = body_greens(&s.body, &m, fixed, &d, build.constraint_level, s.raw);
-    built b = blob_build(&m, &g, &d, area, normal, describe(&s), &build);
-    report_regularisation(&b, s.epsilon);
-    if (fwrite(b.bytes, 1, b.size, out.file) != b.size) die(EXIT_WORK, "cannot write %s", s.output);
-    commit_output(&out);
-    double size[3];
-    mesh_extent(&m, size);
-    fprintf(strcmp(s.output, "-") == 0 ? stderr : stdout,
-            "size                  %.3g x %.3g x %.3g cm\n", 100 * size[0], 100 * size[1],
-            100 * size[2]);
-    report(strcmp(s.output, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);
+    bake_body(&s, s.output, &out, start);
     return EXIT_SUCCESS;
 }

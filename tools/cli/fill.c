@@ -72,7 +72,7 @@ int command_fill(int argc, char **argv) {
                  s.input, 100 * dropped, m.nodes);
         if (s.output != NULL) {
             char path[4096];
-            tetmesh_name(s.output, s.count > 1 ? (int)i : -1, path, sizeof path);
+            numbered_path(s.output, s.count > 1 ? (int)i : -1, path, sizeof path);
             tetmesh_save(&m, path);
         }
         tetmesh_free(&m);

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define MOST_NESTED 32 /* components among which one within another is looked for */
+
 /* A component as it was met, and its area. */
 typedef struct {
     double area;
@@ -53,6 +55,39 @@ mesh_components mesh_find_components(const mesh *m) {
 void mesh_components_free(mesh_components *c) {
     free(c->of);
     free(c->triangles);
+}
+
+/* How often component k goes around x: the sum of its solid angles over 4 pi (Van Oosterom and
+ * Strackee 1983). */
+static double winding(const mesh *m, const mesh_components *c, uint32_t k, const double x[3]) {
+    double sum = 0;
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        double r[3][3], length[3], cross[3];
+        if (c->of[t] != k) continue;
+        for (int i = 0; i < 3; i++) {
+            v_sub(m->x[m->t[t][i]], x, r[i]);
+            length[i] = v_norm(r[i]);
+        }
+        v_cross(r[1], r[2], cross);
+        sum += atan2(v_dot(r[0], cross),
+                     length[0] * length[1] * length[2] + v_dot(r[0], r[1]) * length[2] +
+                         v_dot(r[1], r[2]) * length[0] + v_dot(r[2], r[0]) * length[1]);
+    }
+    return sum / (2 * M_PI);
+}
+
+void mesh_refuse_cavities(const mesh *m, const mesh_components *c, const char *path) {
+    for (uint32_t t = 0; t < m->triangles && c->count <= MOST_NESTED; t++) {
+        const uint32_t own = c->of[t];
+        if (t > 0 && c->of[t - 1] == own) continue; /* one vertex of it will do */
+        for (uint32_t k = 0; k < c->count; k++) {
+            if (k == own || fabs(winding(m, c, k, m->x[m->t[t][0]])) < 0.5) continue;
+            die(EXIT_WORK,
+                "%s: component %" PRIu32 " lies inside component %" PRIu32
+                ": hollow bodies are not baked: keep one by --largest or --component N",
+                path, own, k);
+        }
+    }
 }
 
 void mesh_keep_component(mesh *m, const char *path, uint32_t component) {

@@ -15,6 +15,9 @@ typedef struct {
 mesh_components mesh_find_components(const mesh *m);
 void mesh_components_free(mesh_components *c);
 
+/* Exits 1 where one component lies inside another: a hollow body, which is not baked. */
+void mesh_refuse_cavities(const mesh *m, const mesh_components *c, const char *path);
+
 /* Leaves the one component, and no vertex that it does not use; exits 2 where there is none. */
 void mesh_keep_component(mesh *m, const char *path, uint32_t component);
 

@@ -188,9 +188,10 @@ static void orient(mesh *m, const char *path, uint32_t (*neighbour)[3]) {
     if (tail < m->triangles) {
         mesh_components c = mesh_find_components(m);
         if (c.count > 1) {
+            mesh_refuse_cavities(m, &c, path);
             die(EXIT_WORK,
                 "%s: the mesh has several components: %" PRIu32 ", of %" PRIu32 " and %" PRIu32
-                " triangles%s: keep one by --largest or --component N",
+                " triangles%s: keep one by --largest or --component N, or bake --each",
                 path, c.count, c.triangles[0], c.triangles[1], c.count > 2 ? ", .." : "");
         }
         die(EXIT_WORK, "%s: the mesh has several components that touch in a vertex: split it there",
@@ -361,24 +362,31 @@ double mesh_volume(const mesh *m) {
     return sum / 6;
 }
 
-static void extent_of(double (*x)[3], uint32_t count, double size[3]) {
+static void bounds_of(double (*x)[3], uint32_t count, double low[3], double high[3]) {
     for (int k = 0; k < 3; k++) {
-        double lo = x[0][k], hi = lo;
+        low[k] = high[k] = x[0][k];
         for (uint32_t i = 1; i < count; i++) {
-            lo = fmin(lo, x[i][k]);
-            hi = fmax(hi, x[i][k]);
+            low[k] = fmin(low[k], x[i][k]);
+            high[k] = fmax(high[k], x[i][k]);
         }
-        size[k] = hi - lo;
     }
 }
 
 static double diagonal_of(double (*x)[3], uint32_t count) {
-    double size[3];
-    extent_of(x, count, size);
-    return v_norm(size);
+    double low[3], high[3];
+    bounds_of(x, count, low, high);
+    return v_distance(low, high);
 }
 
-void mesh_extent(const mesh *m, double size[3]) { extent_of(m->x, m->vertices, size); }
+void mesh_bounds(const mesh *m, double low[3], double high[3]) {
+    bounds_of(m->x, m->vertices, low, high);
+}
+
+void mesh_extent(const mesh *m, double size[3]) {
+    double low[3];
+    bounds_of(m->x, m->vertices, low, size);
+    v_sub(size, low, size);
+}
 
 double mesh_diagonal(const mesh *m) { return diagonal_of(m->x, m->vertices); }
 

@@ -85,6 +85,7 @@ void require_near_origin(double (*x)[3], uint32_t count, const char *path);
 bool mesh_is_far(const mesh *m);
 
 double mesh_volume(const mesh *m);
+void mesh_bounds(const mesh *m, double low[3], double high[3]);
 void mesh_extent(const mesh *m, double size[3]); /* of the bounding box */
 double mesh_diagonal(const mesh *m);
 double mesh_mean_edge(const mesh *m);

@@ -386,7 +386,7 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
                  l, -100 * q.volume_error);
         if (save_mesh != NULL) {
             char path[4096];
-            tetmesh_name(save_mesh, (int)l, path, sizeof path);
+            numbered_path(save_mesh, (int)l, path, sizeof path);
             tetmesh_save(&level[l], path);
         }
         tetmesh_free(&level[l]);

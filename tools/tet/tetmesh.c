@@ -353,13 +353,3 @@ void tetmesh_save(const tetmesh *m, const char *path) {
     fputs("End\n", out.file);
     commit_output(&out);
 }
-
-void tetmesh_name(const char *path, int level, char *name, size_t room) {
-    const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
-    int stem =
-        (int)(dot != NULL && (slash == NULL || dot > slash) ? dot - path : (int)strlen(path));
-    if (level < 0)
-        snprintf(name, room, "%s", path);
-    else
-        snprintf(name, room, "%.*s-%d%s", stem, path, level, path + stem);
-}

@@ -55,7 +55,4 @@ tet_quality tetmesh_quality(const tetmesh *m, const mesh *surface, const bvh *on
 tetmesh tetmesh_load(const char *path);
 void tetmesh_save(const tetmesh *m, const char *path);
 
-/* The file of one level: "-LEVEL" before the extension of `path`; level -1: as it is. */
-void tetmesh_name(const char *path, int level, char *name, size_t room);
-
 #endif
