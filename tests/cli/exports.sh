@@ -73,6 +73,11 @@ $palp remesh files/binary.stl -o stl.obj --levels 1 > /dev/null 2>&1; $palp reme
 angle() { sed -n 's/^smallest angle *\([0-9.]*\) .*/\1/p'; }
 a=$($palp remesh files/caps.obj -o out.obj --levels 1 2> err.txt | angle); [ ! -s err.txt ] && awk -v a="$a" 'BEGIN {exit !(a > 5)}'
 ok $? "caps of 300 corners, remeshed: smallest angle $a degrees"
+# A bar with sharp edges keeps them: 80 x 20 x 4 mm, with its volume.
+bar() { awk 'BEGIN {for (i = 0; i < 8; i++) print "v", 0.08 * (i % 2), 0.02 * (int(i / 2) % 2), 0.004 * int(i / 4)
+    split("0 2 3 1 4 5 7 6 0 1 5 4 2 6 7 3 0 4 6 2 1 3 7 5", f, " "); for (i = 0; i < 6; i++) print "f", f[4*i+1]+1, f[4*i+2]+1, f[4*i+3]+1, f[4*i+4]+1}'; }
+bar > bar.obj; $palp remesh bar.obj -o out.obj --levels 2 > /dev/null 2>&1
+awk -v a="$(volume out.obj)" 'BEGIN {d = a / 6.4e-6 - 1; exit !(d < 0.01 && d > -0.01)}'; ok $? "a bar with sharp edges, remeshed: volume $(volume out.obj) m^3 of 6.4e-6"
 # A thorn that is narrower than the mesh keeps its tip.
 awk '/^v/ && !done {print "v", 1.4 * $2, 1.4 * $3, 1.4 * $4; done = 1; next} {print}' ball.obj > thorn.obj
 far() { awk '/^v/ {d = sqrt($2 * $2 + $3 * $3 + $4 * $4); if (d > m) m = d} END {print m}' "$1"; }

@@ -126,10 +126,10 @@ static double box_distance2(const box *b, const double x[3]) {
     return sum;
 }
 
-double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
-                   double point[3], double facing[3]) {
+/* The distance; `found` is the triangle, as it was if there is none. */
+static double search(const bvh *b, const double x[3], const double *normal, double cosine,
+                     double point[3], uint32_t *found) {
     uint32_t stack[128];
-    uint32_t found = 0;
     int top = 0;
     double best = HUGE_VAL;
     stack[top++] = 0;
@@ -151,10 +151,25 @@ double bvh_closest(const bvh *b, const double x[3], const double *normal, double
             v_sub(p, x, d);
             if (v_dot(d, d) >= best) continue;
             best = v_dot(d, d);
-            found = b->order[i];
+            *found = b->order[i];
             memcpy(point, p, sizeof p);
         }
     }
-    if (facing != NULL && isfinite(best)) memcpy(facing, b->normal[found], sizeof b->normal[found]);
     return sqrt(best);
+}
+
+double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
+                   double point[3], double facing[3]) {
+    uint32_t found = 0;
+    const double distance = search(b, x, normal, cosine, point, &found);
+    if (facing != NULL && isfinite(distance))
+        memcpy(facing, b->normal[found], sizeof b->normal[found]);
+    return distance;
+}
+
+uint32_t bvh_triangle(const bvh *b, const double x[3]) {
+    uint32_t found = 0;
+    double point[3];
+    (void)search(b, x, NULL, 0, point, &found);
+    return found;
 }

@@ -23,4 +23,7 @@ const double *bvh_facing(const bvh *b, uint32_t triangle);
 double bvh_closest(const bvh *b, const double x[3], const double *normal, double cosine,
                    double point[3], double facing[3]);
 
+/* The triangle that is closest to x. */
+uint32_t bvh_triangle(const bvh *b, const double x[3]);
+
 #endif

@@ -18,6 +18,9 @@ typedef struct {
     bool *pinned; /* base vertices and those that hold a feature */
 } fit;
 
+/* Moves vertex v along the surface a fraction of the way to the mean of those around it. */
+void fit_relax(const fit *f, uint32_t v, double fraction);
+
 /* Each vertex that is not pinned half the way to the mean of those around it, along the surface. */
 void fit_relax_all(const fit *f);
 
@@ -31,11 +34,20 @@ void fit_reach_features(const fit *f, const mesh *original);
  * growing neighbourhoods; unfolds off the surface what is left. */
 void fit_repair(const fit *f, double smallest_angle_deg);
 
-/*
- * What evening out and repair have taken from tips and rims is given back: the original vertices
- * that are farthest from the mesh get the nearest mesh vertex, where that leaves the triangles sound.
- */
-void fit_reach_rims(const fit *f, const mesh *original);
+typedef struct {
+    double distance;
+    uint32_t vertex; /* of the original */
+} miss;
+
+/* The original vertices farther than that from the mesh, the farthest first, into list[]; returns
+ * how many. */
+uint32_t fit_misses(const fit *f, const mesh *original, double tolerance, miss *list);
+
+/* The mesh vertex nearest to x that does not face away; UINT32_MAX if there is none. */
+uint32_t fit_nearest_vertex(const fit *f, const double x[3], const double facing[3]);
+
+/* Adds to a set of vertices those beside them. */
+void fit_spread(const fit *f, bool *set);
 
 /* Triangles that face against the sum of their three neighbours. */
 uint32_t mesh_flipped(const mesh *m);

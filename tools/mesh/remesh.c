@@ -6,7 +6,9 @@
 #include "tools/mesh/meshmend.h"
 #include "port/host/args.h"
 #include "tools/mesh/bvh.h"
+#include "tools/mesh/creases.h"
 #include "tools/mesh/order.h"
+#include "tools/mesh/reach.h"
 #include "tools/mesh/refine.h"
 #include "tools/mesh/semireg.h"
 #include "tools/mesh/simplify.h"
@@ -85,7 +87,10 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *fa
     for (int step = 0; step < relax_steps; step++) fit_relax_all(&f);
     if (relax_steps > 0) fit_reach_features(&f, original);
     fit_repair(&f, relax_steps > 0 ? BAD_ANGLE_DEG : 0);
-    fit_reach_rims(&f, original);
+    reach r = reach_begin(&f, original);
+    reach_creases(&r);
+    reach_rims(&r);
+    reach_end(&r);
     free(f.pinned);
     free(f.offset);
     free(f.ring);
@@ -225,9 +230,8 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         uint32_t crossing = mesh_self_intersection(&s.base);
         if (crossing != UINT32_MAX) cut = crossing;
         r.base_triangles = s.base.triangles;
-        /* Evened out first; as the map gave it where that rounds off sharp edges. */
-        for (int relaxed = 1; relaxed >= 0 && crossing == UINT32_MAX && !good_enough(&best_report);
-             relaxed--) {
+        /* Evened out, and as the map gave it, which keeps flat facets and their edges. */
+        for (int relaxed = 1; relaxed >= 0 && crossing == UINT32_MAX; relaxed--) {
             mesh m = draw_levels(&s, &dense, facing, surface, levels, relaxed * RELAX_STEPS);
             measure(&m, in, surface, &r);
             if (best.x == NULL || better(&r, &best_report)) {
