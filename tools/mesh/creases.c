@@ -7,41 +7,41 @@
 
 #define SHARP_DEG 40.0
 #define TURN_DEG 40.0    /* where a crease has a corner */
-#define SHORTEST_RIM 6.0 /* spacings of the mesh around a patch that it can show */
+#define SHORTEST_RIM 6.0 /* spacings of the mesh around a facet that it can show */
 #define ROUNDS 6
-#define MOST_PATCHES 6u /* that meet in a corner */
+#define MOST_FACETS 6u /* that meet in a corner */
 #define NONE UINT32_MAX
 
 typedef struct {
-    uint32_t a, b, patch[2];
+    uint32_t a, b, facet[2];
 } crease;
 
-/* Patches that a vertex of the mesh belongs to: one within it, more on its creases. */
+/* Facets that a vertex of the mesh belongs to: one within it, more on its creases. */
 typedef struct {
-    uint32_t patch[MOST_PATCHES], count;
+    uint32_t facet[MOST_FACETS], count;
 } membership;
 
 typedef struct {
     const mesh *original;
-    uint32_t *patch; /* [triangles of the original] */
+    uint32_t *facet; /* [triangles of the original] */
     crease *list;
     uint32_t count;
 } creases;
 
-static bool shares_patch(const membership *a, const membership *b) {
+static bool shares_facet(const membership *a, const membership *b) {
     for (uint32_t i = 0; i < a->count; i++) {
         for (uint32_t k = 0; k < b->count; k++) {
-            if (a->patch[i] == b->patch[k]) return true;
+            if (a->facet[i] == b->facet[k]) return true;
         }
     }
     return false;
 }
 
-static void join_patch(membership *m, uint32_t patch) {
+static void join_facet(membership *m, uint32_t facet) {
     for (uint32_t i = 0; i < m->count; i++) {
-        if (m->patch[i] == patch) return;
+        if (m->facet[i] == facet) return;
     }
-    if (m->count < MOST_PATCHES) m->patch[m->count++] = patch;
+    if (m->count < MOST_FACETS) m->facet[m->count++] = facet;
 }
 
 static double cosine_between(const mesh *m, const mesh_edge *e) {
@@ -54,29 +54,29 @@ static double cosine_between(const mesh *m, const mesh_edge *e) {
     return v_dot(n[0], n[1]);
 }
 
-/* Patches, and the edges between them; patches with a shorter rim than `shortest` do not count, nor
+/* Facets, and the edges between them; facets with a shorter rim than `shortest` do not count, nor
  * do their edges. */
 static creases find_creases(const mesh *m, double shortest) {
-    creases c = {.original = m, .patch = allocate(m->triangles, sizeof *c.patch)};
+    creases c = {.original = m, .facet = allocate(m->triangles, sizeof *c.facet)};
     uint32_t edges;
     mesh_edge *e = mesh_edges(m, &edges);
     bool *sharp = allocate(edges, sizeof *sharp);
     double *rim = allocate(m->triangles, sizeof *rim);
-    for (uint32_t t = 0; t < m->triangles; t++) c.patch[t] = t;
+    for (uint32_t t = 0; t < m->triangles; t++) c.facet[t] = t;
     for (uint32_t i = 0; i < edges; i++) {
         sharp[i] = cosine_between(m, &e[i]) < cos(SHARP_DEG * M_PI / 180);
-        if (!sharp[i]) set_join(c.patch, e[i].triangle[0], e[i].triangle[1]);
+        if (!sharp[i]) set_join(c.facet, e[i].triangle[0], e[i].triangle[1]);
     }
-    for (uint32_t t = 0; t < m->triangles; t++) c.patch[t] = set_of(c.patch, t);
+    for (uint32_t t = 0; t < m->triangles; t++) c.facet[t] = set_of(c.facet, t);
     for (uint32_t i = 0; i < edges; i++) {
-        const uint32_t p = c.patch[e[i].triangle[0]], q = c.patch[e[i].triangle[1]];
+        const uint32_t p = c.facet[e[i].triangle[0]], q = c.facet[e[i].triangle[1]];
         if (p == q) continue;
         rim[p] += v_distance(m->x[e[i].a], m->x[e[i].b]);
         rim[q] += v_distance(m->x[e[i].a], m->x[e[i].b]);
     }
     c.list = allocate(edges, sizeof *c.list);
     for (uint32_t i = 0; i < edges; i++) {
-        const uint32_t p = c.patch[e[i].triangle[0]], q = c.patch[e[i].triangle[1]];
+        const uint32_t p = c.facet[e[i].triangle[0]], q = c.facet[e[i].triangle[1]];
         if (p == q || rim[p] < shortest || rim[q] < shortest) continue;
         c.list[c.count++] = (crease){e[i].a, e[i].b, {p, q}};
     }
@@ -85,14 +85,14 @@ static creases find_creases(const mesh *m, double shortest) {
     return c;
 }
 
-/* The place of the creases of `patch` that is nearest to x; returns which, NONE if it has none. */
+/* The place of the creases of `facet` that is nearest to x; returns which, NONE if it has none. */
 static uint32_t nearest_crease(const creases *c, const double x[3], const membership *of,
                                double place[3], double *distance) {
     uint32_t found = NONE;
     *distance = HUGE_VAL;
     for (uint32_t i = 0; i < c->count; i++) {
-        const membership both = {{c->list[i].patch[0], c->list[i].patch[1]}, 2};
-        if (!shares_patch(&both, of)) continue;
+        const membership both = {{c->list[i].facet[0], c->list[i].facet[1]}, 2};
+        if (!shares_facet(&both, of)) continue;
         const double *a = c->original->x[c->list[i].a], *b = c->original->x[c->list[i].b];
         double along[3], d[3], p[3];
         v_sub(b, a, along);
@@ -132,7 +132,7 @@ static void take_corners(const reach *r, const creases *c, membership *of) {
                 v_normalize(m->away[m->count]);
             }
             m->count++;
-            for (int p = 0; p < 2; p++) join_patch(&m->of, c->list[i].patch[p]);
+            for (int p = 0; p < 2; p++) join_facet(&m->of, c->list[i].facet[p]);
         }
     }
     for (uint32_t v = 0; v < c->original->vertices; v++) {
@@ -164,7 +164,7 @@ static int compare_candidates(const void *a, const void *b) {
 
 static bool crosses_any(const fit *f, const membership *of, uint32_t v) {
     for (uint32_t i = f->offset[v]; i < f->offset[v + 1]; i++) {
-        if (!shares_patch(&of[v], &of[f->ring[i]])) return true;
+        if (!shares_facet(&of[v], &of[f->ring[i]])) return true;
     }
     return false;
 }
@@ -187,7 +187,7 @@ static uint32_t take_crossing(const reach *r, const creases *c, membership *of) 
         (void)bvh_closest(f->surface, place, NULL, 0, point, facing);
         if (!reach_take(r, v, place, facing)) continue;
         r->held[v] = true;
-        of[v] = (membership){{c->list[on].patch[0], c->list[on].patch[1]}, 2};
+        of[v] = (membership){{c->list[on].facet[0], c->list[on].facet[1]}, 2};
         taken++;
     }
     free(list);
@@ -203,13 +203,13 @@ void reach_creases(reach *r) {
         for (int round = 0; round < ROUNDS; round++) {
             for (uint32_t v = 0; v < f->m->vertices; v++) {
                 if (!r->held[v])
-                    of[v] = (membership){{c.patch[bvh_triangle(r->on, f->m->x[v])]}, 1};
+                    of[v] = (membership){{c.facet[bvh_triangle(r->on, f->m->x[v])]}, 1};
             }
             if (round == 0) take_corners(r, &c, of);
             if (take_crossing(r, &c, of) == 0) break;
         }
         free(of);
     }
-    free(c.patch);
+    free(c.facet);
     free(c.list);
 }

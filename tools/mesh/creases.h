@@ -5,9 +5,9 @@
 #include "tools/mesh/reach.h"
 
 /*
- * Sharp edges of the original (more than 40 degrees) that part it into patches become chains of
+ * Sharp edges of the original (more than 40 degrees) that part it into facets become chains of
  * edges of the mesh: its corners get a vertex each, and where an edge of the mesh leads from one
- * patch to another, the end that is nearer to the crease goes there. Those vertices are held then.
+ * facet to another, the end that is nearer to the crease goes there. Those vertices are held then.
  */
 void reach_creases(reach *r);
 
