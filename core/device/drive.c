@@ -50,7 +50,7 @@ static palp_rx_event odrive_receive(palp_drive *d, const palp_can_frame *frame) 
         return estimate(d, m.position_rev, m.velocity_rev_s);
     if (m.command != PALP_ODRIVE_HEARTBEAT && m.command != PALP_ODRIVE_GET_ERROR)
         return PALP_RX_BAD;
-    d->error = m.error;
+    d->error = m.error == 0u && m.parts != 0u ? PALP_DRIVE_ERROR_PARTS | m.parts : m.error;
     if (m.command == PALP_ODRIVE_GET_ERROR) return PALP_RX_STATUS; /* but no heartbeat */
     d->enabled = m.state == PALP_ODRIVE_CLOSED_LOOP;
     d->configured = true;

@@ -88,6 +88,8 @@ typedef struct {
 #define PALP_DRIVE_ERROR_SILENT 0xffff0001u /* configuration: no answer */
 #define PALP_DRIVE_ERROR_MISCONFIGURED                                                             \
     0xffff0002u /* configuration: not the drive that is described */
+#define PALP_DRIVE_ERROR_PARTS                                                                     \
+    0xffff0100u /* ODrive 0.5: with 1 of the motor, 2 of the encoder, 4 of the controller */
 
 /* What keeps a drive from working, for people to read. */
 typedef enum {

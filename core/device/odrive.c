@@ -42,6 +42,9 @@ bool palp_odrive_decode(const palp_can_frame *frame, palp_odrive_message *messag
     case PALP_ODRIVE_HEARTBEAT:
         message->error = palp_get_u32(d);
         message->state = d[4];
+        /* Firmware 0.6 leaves the last byte 0, and has other things in the two before it; 0.5 sets
+         * its high bit when no trajectory is under way. */
+        if (d[7] != 0u) message->parts = (d[5] & 1u) | (d[6] & 1u) << 1u | (d[7] & 1u) << 2u;
         break;
     case PALP_ODRIVE_GET_ERROR:
         message->error = palp_get_u32(d);
@@ -74,6 +77,11 @@ palp_can_frame palp_odrive_encode(const palp_odrive_message *message) {
     case PALP_ODRIVE_HEARTBEAT:
         palp_put_u32(f.data, message->error);
         f.data[4] = (uint8_t)message->state;
+        if (message->parts != 0u) {
+            f.data[5] = (uint8_t)(message->parts & 1u);
+            f.data[6] = (uint8_t)(message->parts >> 1u & 1u);
+            f.data[7] = (uint8_t)(0x80u | message->parts >> 2u);
+        }
         break;
     case PALP_ODRIVE_GET_ERROR:
         palp_put_u32(f.data, message->error);

@@ -28,8 +28,11 @@ typedef enum {
 typedef struct {
     uint8_t node;
     palp_odrive_command command;
-    uint32_t error;     /* heartbeat, get error */
-    uint32_t state;     /* heartbeat, set axis state */
+    uint32_t error; /* heartbeat, get error */
+    uint32_t state; /* heartbeat, set axis state */
+    uint32_t
+        parts; /* heartbeat of firmware 0.5: 1 the motor, 2 the encoder, 4 the controller has an
+                           error of its own, which `error` need not show */
     float position_rev; /* encoder estimates */
     float velocity_rev_s;
     float torque_Nm; /* set input torque */

@@ -103,6 +103,12 @@ void trouble_text(const palp_drive_trouble *t, palp_protocol protocol, char *tex
                  object, t->answer, t->answer, t->value, remedy(t));
         break;
     case PALP_TROUBLE_ERROR:
+        if ((t->answer & ~7u) == PALP_DRIVE_ERROR_PARTS) {
+            snprintf(text, size, "node %u reports an error of its%s%s%s", t->node,
+                     (t->answer & 1u) != 0 ? " motor" : "", (t->answer & 2u) != 0 ? " encoder" : "",
+                     (t->answer & 4u) != 0 ? " controller" : "");
+            break;
+        }
         snprintf(text, size, "node %u reports error 0x%" PRIx32 "%s", t->node, t->answer,
                  protocol == PALP_PROTOCOL_CIA402 ? " (emergency code, or statusword)" : "");
         break;

@@ -52,6 +52,15 @@ static void test_odrive(void) {
     CHECK(palp_drive_receive(&drive, &config, &iq) == PALP_RX_STATUS && drive.error == 0 &&
               palp_drive_receive(&drive, &config, &fault) == PALP_RX_STATUS && drive.error == 4,
           "currents pass unread, an error report counts");
+    palp_can_frame parts = {.id = 0x021, .length = 8, .data = {0, 0, 0, 0, 8, 1, 1, 0x81}};
+    CHECK(palp_drive_receive(&drive, &config, &parts) == PALP_RX_STATUS &&
+              drive.error == (PALP_DRIVE_ERROR_PARTS | 7u),
+          "a heartbeat of firmware 0.5 with errors of motor, encoder and controller");
+    palp_can_frame done = {.id = 0x021, .length = 8, .data = {0, 0, 0, 0, 8, 0, 0, 0x80}},
+                   newer = {.id = 0x021, .length = 8, .data = {0, 0, 0, 0, 8, 1, 1, 0}};
+    CHECK(palp_drive_receive(&drive, &config, &done) == PALP_RX_STATUS && drive.error == 0 &&
+              palp_drive_receive(&drive, &config, &newer) == PALP_RX_STATUS && drive.error == 0,
+          "one without, and one of firmware 0.6, which has other things there");
     f = palp_odrive_encode(&m);
     palp_can_frame bad = f;
     bad.length = 3;

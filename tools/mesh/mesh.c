@@ -273,7 +273,7 @@ static void require_sound_triangles(const mesh *m, const char *path) {
     }
 }
 
-#define FLAT 1e-9 /* volume over the cube of the diagonal of what is no body */
+#define FLAT 1e-12 /* volume over the cube of the diagonal of what is no body */
 
 void mesh_require_closed(mesh *m, const char *path) {
     if (m->triangles < 4)
