@@ -2,6 +2,7 @@
 #include "port/host/placement.h"
 #include "core/green/columns.h"
 #include "port/host/util.h"
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -31,7 +32,8 @@ static palp_vec3 centroid(const palp_blob *b, bool fixed) {
     return palp_scale(1.0f / count, sum);
 }
 
-/* 1 / (n^T G_ii n) of every node of the constraint level, N/m; 0 at others. */
+/* 1 / (n^T G_ii n) of every node of the constraint level, N/m; 0 at others. Exits where a node does
+ * not give way along its push. */
 static float *node_stiffness(const palp_blob *b) {
     uint32_t slots = b->domain[PALP_FREE].slots;
     palp_row_scratch scratch = {allocate(slots, sizeof(float)),
@@ -48,7 +50,13 @@ static float *node_stiffness(const palp_blob *b) {
         palp_columns_extract(&b->level[level].columns, s, &row, g);
         palp_vec3 u = {palp_dot(palp_vec3_at(g), n), palp_dot(palp_vec3_at(g + 3), n),
                        palp_dot(palp_vec3_at(g + 6), n)};
-        stiffness[node] = 1.0f / palp_dot(n, u);
+        const float compliance = palp_dot(n, u);
+        if (!(compliance > 0))
+            die(EXIT_WORK,
+                "node %" PRIu32 " of the blob moves by %.3g m against a push of 1 N, which no body "
+                "does: it is damaged, or was baked with a wrong --compliance: bake it again",
+                node, -(double)compliance);
+        stiffness[node] = 1.0f / compliance;
     }
     free(scratch.weight);
     free(scratch.mark);
@@ -98,7 +106,8 @@ touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_
     float size = palp_norm(diagonal);
     float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
     float radius = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
-    if (node == UINT32_MAX) node = choose_node(blob, 2 * radius);
+    const uint32_t chosen = choose_node(blob, 2 * radius);
+    if (node == UINT32_MAX) node = chosen;
     touch_frame t = {.tool_radius_m = radius, .node = node};
     palp_vec3 n = normal(blob, node);
     t.placement.scale = scale;

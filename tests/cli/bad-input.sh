@@ -94,6 +94,12 @@ refuses 2 "no device" "palpd: no device" $palpd good.palp --bus loop
 refuses 2 "no device 'x'" "palpd: unknown device" $palpd good.palp --bus loop --device x
 refuses 2 . "palpd: no such interface" $palpd good.palp --bus palp-none0 --device arm3
 refuses 2 "not a free one of" "palpd: touching a node that is not there" $palpd good.palp --bus loop --device arm3 --touch 4242
+if command -v python3 >/dev/null; then
+    python3 "$here/tests/cli/pulled.py" good.palp pulled.palp
+    refuses 1 "moves by .* against a push of 1 N" "palpd: a blob whose nodes are pulled" $palpd pulled.palp --bus loop --device arm3 --lockstep --seconds 1
+else
+    echo "# a blob whose nodes are pulled # SKIP python3 is not installed (make deps)"
+fi
 echo "0 0 0" >hand.txt
 refuses 2 "four numbers" "palpd: bad hand script" $palpd good.palp --bus loop --device arm3 --hand hand.txt
 printf "\\223NUMPY\\2\\0\\364\\377\\377\\377{'descr': '<f8', 'fortran_order': False, 'shape': (8, 8), }\\n" >wrap.npy
