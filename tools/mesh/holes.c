@@ -29,20 +29,6 @@ static void append_triangle(hole_work *w, uint32_t a, uint32_t b, uint32_t c) {
     t[2] = c;
 }
 
-static bool has_edge(const hole_work *w, uint32_t a, uint32_t b) {
-    const uint32_t first = a < b ? a : b, second = a < b ? b : a;
-    size_t low = 0, high = w->sides;
-    while (low < high) {
-        const size_t mid = (low + high) / 2;
-        const half_edge *h = &w->side[mid];
-        if (h->low < first || (h->low == first && h->high < second))
-            low = mid + 1;
-        else
-            high = mid;
-    }
-    return low < w->sides && w->side[low].low == first && w->side[low].high == second;
-}
-
 static double triangle_cost(const hole_work *w, uint32_t i, uint32_t k, uint32_t j) {
     const double *a = w->m->x[w->rim[i]], *b = w->m->x[w->rim[k]], *c = w->m->x[w->rim[j]];
     const double ab = v_distance(a, b), bc = v_distance(b, c), ca = v_distance(c, a);
@@ -59,7 +45,8 @@ static bool weigh(hole_work *w) {
         for (uint32_t i = 0; i + length < n; i++) {
             const uint32_t j = i + length;
             double best = HUGE_VAL;
-            const bool taken = length < n - 1 && has_edge(w, w->rim[i], w->rim[j]);
+            const bool taken =
+                length < n - 1 && half_edge_exists(w->side, w->sides, w->rim[i], w->rim[j]);
             for (uint32_t k = i + 1; k < j && !taken; k++) {
                 const double parts = w->cost[i * n + k] + w->cost[k * n + j];
                 if (parts >= best) continue;

@@ -84,6 +84,27 @@ size_t half_edge_run_end(const half_edge *h, size_t i, size_t count) {
     return j;
 }
 
+bool half_edge_exists(const half_edge *h, size_t count, uint32_t a, uint32_t b) {
+    const uint32_t low = a < b ? a : b, high = a < b ? b : a;
+    size_t from = 0, to = count;
+    while (from < to) {
+        const size_t mid = (from + to) / 2;
+        if (h[mid].low < low || (h[mid].low == low && h[mid].high < high))
+            from = mid + 1;
+        else
+            to = mid;
+    }
+    return from < count && h[from].low == low && h[from].high == high;
+}
+
+void mesh_cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at) {
+    m->t = grow(m->t, room, m->triangles + 1u, sizeof *m->t);
+    uint32_t *t = m->t[side->triangle], *second = m->t[m->triangles++];
+    memcpy(second, t, 3 * sizeof *t);
+    second[side->corner] = at;
+    t[(side->corner + 1) % 3] = at;
+}
+
 mesh_edge *mesh_edges(const mesh *m, uint32_t *count) {
     size_t total = 3 * (size_t)m->triangles;
     half_edge *h = mesh_half_edges(m);

@@ -53,6 +53,13 @@ half_edge *mesh_half_edges(const mesh *m);
 /* The first of `count` sides behind those of the edge that begins at i. */
 size_t half_edge_run_end(const half_edge *h, size_t i, size_t count);
 
+/* Whether two vertices have an edge among all sides of a mesh, sorted. */
+bool half_edge_exists(const half_edge *h, size_t count, uint32_t a, uint32_t b);
+
+/* Cuts a triangle at vertex `at` on its side from `corner` to the next; the half behind it is added
+ * at the end of m->t, which has room for `room`. */
+void mesh_cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at);
+
 /* Removes vertices that no triangle names; returns how many. */
 uint32_t mesh_drop_unused(mesh *m);
 

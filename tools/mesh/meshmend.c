@@ -312,19 +312,12 @@ static uint32_t cut_once(mesh *m, double within) {
     const size_t sides = open_sides(m, &open);
     uint32_t cut = 0;
     uint8_t *changed = allocate(m->triangles, 1);
-    const uint32_t triangles = m->triangles;
-    uint32_t(*before)[3] = m->t;
-    m->t = allocate(triangles + sides, sizeof *m->t);
-    memcpy(m->t, before, triangles * sizeof *m->t);
-    free(before);
+    size_t room = m->triangles;
     for (size_t i = 0; i < sides && sides <= MOST_OPEN; i++) {
         if (changed[open[i].triangle] != 0) continue;
         const uint32_t v = vertex_on(m, open, sides, &open[i], within);
         if (v == NONE) continue;
-        uint32_t *t = m->t[open[i].triangle], k = open[i].corner;
-        const uint32_t second[3] = {v, t[(k + 1) % 3], t[(k + 2) % 3]};
-        t[(k + 1) % 3] = v;
-        memcpy(m->t[m->triangles++], second, sizeof second);
+        mesh_cut_side(m, &room, &open[i], v);
         changed[open[i].triangle] = 1;
         cut++;
     }

@@ -122,16 +122,6 @@ static uint32_t double_vertices(mesh *m) {
     return added;
 }
 
-/* A triangle becomes two at the vertex `at` on one of its sides. */
-static void cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at) {
-    m->t = grow(m->t, room, m->triangles + 1u, sizeof *m->t);
-    uint32_t *t = m->t[side->triangle], *second = m->t[m->triangles++];
-    const uint32_t end = (side->corner + 1) % 3;
-    memcpy(second, t, 3 * sizeof *t);
-    second[side->corner] = at;
-    t[end] = at;
-}
-
 /* Where both ends of an edge have one fan, no doubling tells its pairs apart: each gets a vertex of
  * its own in the middle. One edge of a triangle at a time; returns how many vertices were added. */
 static uint32_t add_middles(mesh *m) {
@@ -153,7 +143,7 @@ static uint32_t add_middles(mesh *m) {
                 x[axis] = (m->x[side[i].low][axis] + m->x[side[i].high][axis]) / 2;
             for (int s = 0; s < 2; s++) {
                 changed[pair[k][s]->triangle] = true;
-                cut_side(m, &room, pair[k][s], m->vertices);
+                mesh_cut_side(m, &room, pair[k][s], m->vertices);
             }
             m->vertices++;
         }

@@ -9,19 +9,6 @@
 #define TURNS 60    /* of turning after each */
 #define MARGIN 1e-9 /* by which the cotangents must ask for it */
 
-static bool has_edge(const half_edge *h, size_t total, uint32_t a, uint32_t b) {
-    const uint32_t low = a < b ? a : b, high = a < b ? b : a;
-    size_t from = 0, to = total;
-    while (from < to) {
-        const size_t mid = (from + to) / 2;
-        if (h[mid].low < low || (h[mid].low == low && h[mid].high < high))
-            from = mid + 1;
-        else
-            to = mid;
-    }
-    return from < total && h[from].low == low && h[from].high == high;
-}
-
 static uint32_t facing(const mesh *m, const half_edge *side) {
     return m->t[side->triangle][(side->corner + 2) % 3];
 }
@@ -64,7 +51,8 @@ static uint32_t turn_edges(mesh *m, double flat) {
         const half_edge *forward = h[i].forward ? &h[i] : &h[i + 1];
         const uint32_t a = h[i].low, b = h[i].high, c = facing(m, forward),
                        d = facing(m, h[i].forward ? &h[i + 1] : &h[i]);
-        if (c == d || !should_turn(m, a, b, c, d, flat) || has_edge(h, total, c, d)) continue;
+        if (c == d || !should_turn(m, a, b, c, d, flat) || half_edge_exists(h, total, c, d))
+            continue;
         const uint32_t first[3] = {c, d, b}, second[3] = {d, c, a};
         memcpy(m->t[one], first, sizeof first);
         memcpy(m->t[other], second, sizeof second);
@@ -104,11 +92,7 @@ static uint32_t halve_edges(mesh *m, double longest) {
         for (int axis = 0; axis < 3; axis++)
             m->x[m->vertices][axis] = 0.5 * (m->x[side->low][axis] + m->x[side->high][axis]);
         for (int s = 0; s < 2; s++) {
-            m->t = grow(m->t, &room, m->triangles + 1u, sizeof *m->t);
-            uint32_t *t = m->t[side[s].triangle], *second = m->t[m->triangles++];
-            memcpy(second, t, 3 * sizeof *t);
-            second[side[s].corner] = m->vertices;
-            t[(side[s].corner + 1) % 3] = m->vertices;
+            mesh_cut_side(m, &room, &side[s], m->vertices);
             changed[side[s].triangle] = true;
         }
         m->vertices++;
