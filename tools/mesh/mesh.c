@@ -373,12 +373,14 @@ void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle) {
     free(next);
 }
 
+/* From the first vertex, so that a body far from the origin loses no digits. */
 double mesh_volume(const mesh *m) {
     double sum = 0;
     for (uint32_t i = 0; i < m->triangles; i++) {
-        double c[3];
-        v_cross(m->x[m->t[i][1]], m->x[m->t[i][2]], c);
-        sum += v_dot(m->x[m->t[i][0]], c);
+        double r[3][3], c[3];
+        for (int k = 0; k < 3; k++) v_sub(m->x[m->t[i][k]], m->x[0], r[k]);
+        v_cross(r[1], r[2], c);
+        sum += v_dot(r[0], c);
     }
     return sum / 6;
 }
