@@ -130,6 +130,7 @@ for name, size, parts, fine, young, poisson, held, pushed, direction, most in ca
     for label, options in (("as it is", ["--as-is"]), ("remeshed", [])):
         if label == "remeshed" and name != cases[0][0] and "FULL" not in os.environ: continue  # a minute each
         n, got, regularised = ours("body.obj", young, poisson, held, pushed, direction, options)
+        if label == "remeshed": most = .03 # the default resolution
         good = abs(got / exact - 1) <= most
         failed += not good
         print("%s, %s: %d nodes, %.5g m/N, CalculiX %.5g, off %+.1f %% (at most %g)%s" % (

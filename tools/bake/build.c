@@ -118,7 +118,8 @@ static void require_definite(const builder *b, double *t, uint32_t level) {
         if (!r.definite || r.change > GREENS_CHANGE_MAX) {
             die(EXIT_WORK,
                 "the compliance of constraint level %" PRIu32
-                " is not positive definite: use a finer or smoother mesh",
+                " is not positive definite: collocation carries no thin walls: leave "
+                "--constraint-level out",
                 level);
         }
     }

@@ -479,7 +479,8 @@ static void enforce_definiteness(greens *g) {
     if (!g->definite.definite || g->definite.change > GREENS_CHANGE_MAX) {
         die(EXIT_WORK,
             "the symmetrised compliance is not positive definite, worst near node %" PRIu32
-            " (0-based): refine or repair the mesh there",
+            " (0-based): collocation carries no thin walls: bake without --method collocation (a "
+            "matrix from --compliance: it is no elastic body's)",
             node[g->definite.worst / 3]);
     }
     if (g->definite.raised > 0) {
