@@ -373,12 +373,13 @@ void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle) {
     free(next);
 }
 
-/* From the first vertex, so that a body far from the origin loses no digits. */
 double mesh_volume(const mesh *m) {
     double sum = 0;
+    static const double origin[3];
+    const double *from = mesh_is_far(m) ? m->x[0] : origin; /* where it loses no digits */
     for (uint32_t i = 0; i < m->triangles; i++) {
         double r[3][3], c[3];
-        for (int k = 0; k < 3; k++) v_sub(m->x[m->t[i][k]], m->x[0], r[k]);
+        for (int k = 0; k < 3; k++) v_sub(m->x[m->t[i][k]], from, r[k]);
         v_cross(r[1], r[2], c);
         sum += v_dot(r[0], c);
     }

@@ -209,7 +209,6 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     size_t tries = base_triangles > 0 ? 1 : sizeof targets / sizeof targets[0];
     remesh_report r = {0}, best_report = {.flipped = UINT32_MAX, .max = HUGE_VAL};
     mesh best = {0};
-    uint32_t cut = UINT32_MAX;
     r.dropped = mesh_drop_unused(in);
     mesh_require_closed(in, path);
     mesh_sort(in); /* one result, whatever the order in the file */
@@ -228,7 +227,6 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         bvh *facing = bvh_build(&dense);
         simplified s = simplify(&dense, target);
         uint32_t crossing = mesh_self_intersection(&s.base);
-        if (crossing != UINT32_MAX) cut = crossing;
         r.base_triangles = s.base.triangles;
         /* Evened out, and as the map gave it, which keeps flat facets and their edges. */
         for (int relaxed = 1; relaxed >= 0 && crossing == UINT32_MAX; relaxed--) {
@@ -253,15 +251,15 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
         if (own != UINT32_MAX) {
             const double *x = in->x[in->t[own][0]];
             die(EXIT_WORK,
-                "%s: the surface crosses itself near (%.4g, %.4g, %.4g), triangle %" PRIu32
-                " (0-based): repair it there",
-                path, x[0], x[1], x[2], own);
+                "%s: the surface crosses itself near (%.4g, %.4g, %.4g): repair it there", path,
+                x[0], x[1], x[2]);
         }
         die(EXIT_WORK,
-            "%s: every base mesh of up to %" PRIu32 " triangles intersects itself, the last at its "
-            "triangle %" PRIu32 ": the shape has walls too thin or holes too small for remeshing; "
+            "%s: every base mesh of up to %" PRIu32
+            " triangles intersects itself: the shape has walls too thin or holes too small for "
+            "remeshing; "
             "bake the mesh with --as-is, or try --base-faces with more",
-            path, r.base_triangles, cut);
+            path, r.base_triangles);
     }
     if (report != NULL) *report = best_report;
     return best;
