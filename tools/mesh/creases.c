@@ -26,6 +26,7 @@ typedef struct {
     uint32_t *facet; /* [triangles of the original] */
     crease *list;
     uint32_t count;
+    uint32_t *first, *of_facet; /* creases around facet f: of_facet[first[f]..first[f + 1]) */
 } creases;
 
 static bool shares_facet(const membership *a, const membership *b) {
@@ -54,6 +55,16 @@ static double cosine_between(const mesh *m, const mesh_edge *e) {
     return v_dot(n[0], n[1]);
 }
 
+static void sort_by_facet(creases *c) {
+    const uint32_t facets = c->original->triangles;
+    c->first = allocate(facets + 2u, sizeof *c->first);
+    c->of_facet = allocate(2 * (size_t)c->count, sizeof *c->of_facet);
+    for (uint32_t i = 0; i < 2 * c->count; i++) c->first[c->list[i / 2].facet[i % 2] + 2]++;
+    for (uint32_t f = 2; f < facets + 2; f++) c->first[f] += c->first[f - 1];
+    for (uint32_t i = 0; i < 2 * c->count; i++)
+        c->of_facet[c->first[c->list[i / 2].facet[i % 2] + 1]++] = i / 2;
+}
+
 /* Facets, and the edges between them; facets with a shorter rim than `shortest` do not count, nor
  * do their edges. */
 static creases find_creases(const mesh *m, double shortest) {
@@ -80,20 +91,20 @@ static creases find_creases(const mesh *m, double shortest) {
         if (p == q || rim[p] < shortest || rim[q] < shortest) continue;
         c.list[c.count++] = (crease){e[i].a, e[i].b, {p, q}};
     }
+    sort_by_facet(&c);
     void *owned[] = {e, sharp, rim};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return c;
 }
 
-/* The place of the creases of `facet` that is nearest to x; returns which, NONE if it has none. */
-static uint32_t nearest_crease(const creases *c, const double x[3], const membership *of,
-                               double place[3], double *distance) {
+/* The place on the creases around `facet` that is nearest to x; returns which, NONE if it has none. */
+static uint32_t nearest_crease(const creases *c, const double x[3], uint32_t facet, double place[3],
+                               double *distance) {
     uint32_t found = NONE;
     *distance = HUGE_VAL;
-    for (uint32_t i = 0; i < c->count; i++) {
-        const membership both = {{c->list[i].facet[0], c->list[i].facet[1]}, 2};
-        if (!shares_facet(&both, of)) continue;
-        const double *a = c->original->x[c->list[i].a], *b = c->original->x[c->list[i].b];
+    for (uint32_t i = c->first[facet]; i < c->first[facet + 1]; i++) {
+        const crease *e = &c->list[c->of_facet[i]];
+        const double *a = c->original->x[e->a], *b = c->original->x[e->b];
         double along[3], d[3], p[3];
         v_sub(b, a, along);
         v_sub(x, a, d);
@@ -102,7 +113,7 @@ static uint32_t nearest_crease(const creases *c, const double x[3], const member
         const double off = v_distance(x, p);
         if (off >= *distance) continue;
         *distance = off;
-        found = i;
+        found = c->of_facet[i];
         memcpy(place, p, sizeof p);
     }
     return found;
@@ -176,14 +187,14 @@ static uint32_t take_crossing(const reach *r, const creases *c, membership *of) 
     double place[3], distance, point[3], facing[3];
     for (uint32_t v = 0; v < f->m->vertices; v++) {
         if (r->held[v] || !crosses_any(f, of, v)) continue;
-        if (nearest_crease(c, f->m->x[v], &of[v], place, &distance) == NONE) continue;
+        if (nearest_crease(c, f->m->x[v], of[v].facet[0], place, &distance) == NONE) continue;
         list[count++] = (candidate){distance, v};
     }
     qsort(list, count, sizeof *list, compare_candidates);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t v = list[i].vertex;
         if (!crosses_any(f, of, v)) continue; /* a neighbour has gone there */
-        const uint32_t on = nearest_crease(c, f->m->x[v], &of[v], place, &distance);
+        const uint32_t on = nearest_crease(c, f->m->x[v], of[v].facet[0], place, &distance);
         (void)bvh_closest(f->surface, place, NULL, 0, point, facing);
         if (!reach_take(r, v, place, facing)) continue;
         r->held[v] = true;
@@ -210,6 +221,6 @@ void reach_creases(reach *r) {
         }
         free(of);
     }
-    free(c.facet);
-    free(c.list);
+    void *owned[] = {c.facet, c.list, c.first, c.of_facet};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
