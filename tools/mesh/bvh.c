@@ -120,7 +120,7 @@ const double *bvh_facing(const bvh *b, uint32_t triangle) { return b->normal[tri
 static double box_distance2(const box *b, const double x[3]) {
     double sum = 0;
     for (int k = 0; k < 3; k++) {
-        double d = fmax(fmax(b->lo[k] - x[k], x[k] - b->hi[k]), 0);
+        const double d = x[k] < b->lo[k] ? b->lo[k] - x[k] : x[k] > b->hi[k] ? x[k] - b->hi[k] : 0;
         sum += d * d;
     }
     return sum;

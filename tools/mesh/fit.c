@@ -57,10 +57,12 @@ uint32_t fit_nearest_vertex(const fit *f, const double x[3], const double facing
     return best;
 }
 
-uint32_t fit_misses(const fit *f, const mesh *original, double tolerance, miss *list) {
+uint32_t fit_misses(const fit *f, const mesh *original, double tolerance, miss *list,
+                    uint32_t among) {
     uint32_t count = 0;
     bvh *b = bvh_build(f->m);
-    for (uint32_t v = 0; v < original->vertices; v++) {
+    for (uint32_t i = 0; i < (among > 0 ? among : original->vertices); i++) {
+        const uint32_t v = among > 0 ? list[i].vertex : i;
         double point[3];
         const double d = bvh_closest(b, original->x[v], NULL, 0, point, NULL);
         if (d > tolerance) list[count++] = (miss){d, v};
@@ -75,7 +77,7 @@ void fit_reach_features(const fit *f, const mesh *original) {
     double spacing = mesh_mean_edge(f->m);
     miss *list = allocate(original->vertices, sizeof *list);
     for (int round = 0; round < FEATURE_ROUNDS; round++) {
-        uint32_t count = fit_misses(f, original, tolerance, list), taken = 0;
+        uint32_t count = fit_misses(f, original, tolerance, list, 0), taken = 0;
         for (uint32_t i = 0; i < count; i++) {
             const double *x = original->x[list[i].vertex];
             bool covered = false;

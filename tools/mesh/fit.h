@@ -40,8 +40,9 @@ typedef struct {
 } miss;
 
 /* The original vertices farther than that from the mesh, the farthest first, into list[]; returns
- * how many. */
-uint32_t fit_misses(const fit *f, const mesh *original, double tolerance, miss *list);
+ * how many. `among`: only of the first so many that list[] holds; 0: of all. */
+uint32_t fit_misses(const fit *f, const mesh *original, double tolerance, miss *list,
+                    uint32_t among);
 
 /* The mesh vertex nearest to x that does not face away; UINT32_MAX if there is none. */
 uint32_t fit_nearest_vertex(const fit *f, const double x[3], const double facing[3]);

@@ -9,6 +9,7 @@
 #define ANGLE_DEG 5.0
 #define SWEEPS 8
 #define MOST_AROUND 64u
+#define MOST_TRIANGLES 1024u /* around a vertex and its neighbours; more are not looked at */
 #define RIM_SPACINGS 0.2     /* of the mesh: nearer is near enough */
 #define RIM_TOLERANCE 0.0015 /* over the diagonal */
 
@@ -32,7 +33,7 @@ static bool is_flipped(const mesh *m, const uint32_t *across, uint32_t triangle)
 
 typedef struct {
     double angle_deg; /* the smallest */
-    uint32_t flipped; /* counted once for each way to them */
+    uint32_t flipped; /* or folded */
 } star_shape;
 
 /* Whether a triangle faces against the surface where that is nearest to its middle. */
@@ -46,22 +47,6 @@ static bool is_folded(const reach *r, uint32_t triangle) {
     unit_normal(m, triangle, n);
     unit_normal(r->original, bvh_triangle(r->on, middle), there);
     return v_dot(n, there) < 0;
-}
-
-/* Of the triangles around v and those beside them. */
-static star_shape shape_of_star(const reach *r, uint32_t v) {
-    const mesh *m = r->f->m;
-    star_shape s = {.angle_deg = 180};
-    for (uint32_t i = r->offset[v]; i < r->offset[v + 1]; i++) {
-        const uint32_t triangle = r->star[i];
-        mesh one = {.vertices = m->vertices, .triangles = 1, .x = m->x, .t = m->t + triangle};
-        s.angle_deg = fmin(s.angle_deg, mesh_smallest_angle_deg(&one));
-        s.flipped += is_flipped(m, r->across, triangle) ? 1 : 0;
-        s.flipped += r->folds && is_folded(r, triangle) ? 1 : 0;
-        for (size_t k = 0; k < 3; k++)
-            s.flipped += is_flipped(m, r->across, r->across[3 * (size_t)triangle + k]);
-    }
-    return s;
 }
 
 /* A vertex and those around it, as they were. */
@@ -89,15 +74,37 @@ static void restore_star(const fit *f, const kept_star *k) {
     }
 }
 
-/* Over all stars of those. */
-static star_shape shape_around(const reach *r, const kept_star *k) {
-    star_shape all = {.angle_deg = 180};
-    for (uint32_t i = 0; i < k->count; i++) {
-        const star_shape s = shape_of_star(r, k->vertex[i]);
-        all.angle_deg = fmin(all.angle_deg, s.angle_deg);
-        all.flipped += s.flipped;
+typedef struct {
+    uint32_t list[MOST_TRIANGLES], count;
+} triangle_set;
+
+static void include(triangle_set *set, uint32_t triangle) {
+    for (uint32_t i = 0; i < set->count; i++) {
+        if (set->list[i] == triangle) return;
     }
-    return all;
+    if (set->count < MOST_TRIANGLES) set->list[set->count++] = triangle;
+}
+
+/* Of the triangles around those vertices; whether one is flipped also of the triangles beside. */
+static star_shape shape_around(const reach *r, const kept_star *k) {
+    const mesh *m = r->f->m;
+    star_shape s = {.angle_deg = 180};
+    triangle_set set = {.count = 0};
+    for (uint32_t i = 0; i < k->count; i++) {
+        for (uint32_t t = r->offset[k->vertex[i]]; t < r->offset[k->vertex[i] + 1]; t++)
+            include(&set, r->star[t]);
+    }
+    const uint32_t around = set.count;
+    for (uint32_t i = 0; i < around; i++) {
+        mesh one = {.vertices = m->vertices, .triangles = 1, .x = m->x, .t = m->t + set.list[i]};
+        s.angle_deg = fmin(s.angle_deg, mesh_smallest_angle_deg(&one));
+        s.flipped += r->folds && is_folded(r, set.list[i]) ? 1 : 0;
+        for (size_t side = 0; side < 3; side++)
+            include(&set, r->across[3 * (size_t)set.list[i] + side]);
+    }
+    for (uint32_t i = 0; i < set.count; i++)
+        s.flipped += is_flipped(m, r->across, set.list[i]) ? 1 : 0;
+    return s;
 }
 
 bool reach_take(const reach *r, uint32_t v, const double x[3], const double facing[3]) {
@@ -174,8 +181,10 @@ void reach_rims(const reach *r) {
         fmax(RIM_SPACINGS * mesh_mean_edge(f->m), RIM_TOLERANCE * mesh_diagonal(original));
     miss *list = allocate(original->vertices, sizeof *list);
     uint8_t *tried = allocate(f->m->vertices, 1);
-    for (int round = 0; round < RIM_ROUNDS; round++) {
-        uint32_t count = fit_misses(f, original, tolerance, list), taken = 0;
+    uint32_t count = 0;
+    for (int round = 0; round < RIM_ROUNDS && (round == 0 || count > 0); round++) {
+        uint32_t taken = 0;
+        count = fit_misses(f, original, tolerance, list, count);
         memset(tried, 0, f->m->vertices);
         for (uint32_t i = 0; i < count; i++) {
             const double *x = original->x[list[i].vertex];

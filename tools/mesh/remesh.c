@@ -212,10 +212,10 @@ mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles
     r.dropped = mesh_drop_unused(in);
     mesh_require_closed(in, path);
     mesh_sort(in); /* one result, whatever the order in the file */
-    bvh *surface = bvh_build(in);
     mesh even = mesh_smallest_angle_deg(in) < NEEDLE_DEG
                     ? mesh_refined(in, EVEN_EDGE * mesh_diagonal(in))
                     : mesh_copy(in);
+    bvh *surface = bvh_build(&even); /* searched faster than one of needles */
     for (size_t i = 0; i < tries && !good_enough(&best_report); i++) {
         if (i >= USUAL && best_report.flipped == 0) break;
         uint32_t target = base_triangles > 0 ? base_triangles : targets[i];
