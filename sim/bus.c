@@ -66,6 +66,7 @@ static void strike_device(sim_bus *b) {
     if (fault_now(&b->faults, FAULT_NAN, b->time_s) != NULL) b->device.offset_turns = (double)NAN;
     b->device.drive[0].error = drive ? DRIVE_ERROR : 0;
     b->device.drive[0].refuses = object_of(fault_now(&b->faults, FAULT_REFUSE, b->time_s));
+    b->device.drive[0].mutes = object_of(fault_now(&b->faults, FAULT_MUTE, b->time_s));
     b->device.drive[0].ignores = object_of(fault_now(&b->faults, FAULT_IGNORE, b->time_s));
 }
 

@@ -78,6 +78,7 @@ static void sdo_write(sim_drive *d, const palp_sdo *s) {
 
 static void sdo_serve(sim_drive *d, const palp_sdo *s) {
     palp_sdo a = {.index = s->index, .sub = s->sub};
+    if (s->index == d->mutes) return;
     if (s->index == d->refuses) {
         a = (palp_sdo){PALP_SDO_ABORT, s->index, s->sub, 0x06020000}; /* no such object */
     } else if (s->command == PALP_SDO_READ) {

@@ -30,7 +30,8 @@ typedef struct {
     uint8_t nmt, mode, rpdo_entries, tpdo_entries, tpdo_type;
     bool rpdo_on, tpdo_on, lets_go; /* lets_go: 0x6007 makes silence a fault */
     uint16_t controlword;
-    uint16_t refuses, ignores; /* objects that it does not serve; whose values it does not take */
+    uint16_t refuses, ignores,
+        mutes; /* objects that it does not serve, take values of, answer for */
     int32_t target;
     /* Palp */
     palp_e2e sent, received;

@@ -7,9 +7,9 @@
 
 static const char *const names[FAULT_KINDS] = {FAULT_NAMES};
 static const double default_value[FAULT_KINDS] = {
-    [FAULT_LOSS] = 1,        [FAULT_DUPLICATE] = 1,  [FAULT_REORDER] = 1,  [FAULT_CORRUPT] = 1,
-    [FAULT_DELAY] = 0.003,   [FAULT_JUMP] = 5,       [FAULT_GLITCH] = 0.3, [FAULT_OVERRUN] = 10,
-    [FAULT_REFUSE] = 0x6502, [FAULT_IGNORE] = 0x6060};
+    [FAULT_LOSS] = 1,        [FAULT_DUPLICATE] = 1,   [FAULT_REORDER] = 1,  [FAULT_CORRUPT] = 1,
+    [FAULT_DELAY] = 0.003,   [FAULT_JUMP] = 5,        [FAULT_GLITCH] = 0.3, [FAULT_OVERRUN] = 10,
+    [FAULT_REFUSE] = 0x6502, [FAULT_IGNORE] = 0x6060, [FAULT_MUTE] = 0x6060};
 #define DEFAULT_DURATION_S 0.01
 
 /* "KIND", "KIND@T", "KIND@T+D", each with "=V". Takes `part` apart. */

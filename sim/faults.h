@@ -11,8 +11,9 @@
  *   glitch                              reads 5 turns more now and then: probability V (0.3)
  *   nan                                 the first encoder gives no number
  *   drive                               the first drive reports an error and lets go
- *   refuse, ignore                      the first drive, CiA 402: aborts transfers of object V
- *                                       (0x6502); takes what is written to it, and keeps its own
+ *   refuse, ignore, mute                the first drive, CiA 402: aborts transfers of object V
+ *                                       (0x6502); takes what is written to it, and keeps its own;
+ *                                       does not answer for it
  *   busoff, enobufs, down               what the controller's bus does
  *   overrun                             the controller misses V periods (10)
  */
@@ -35,6 +36,7 @@ typedef enum {
     FAULT_DRIVE,
     FAULT_REFUSE,
     FAULT_IGNORE,
+    FAULT_MUTE,
     FAULT_BUS_OFF,
     FAULT_ENOBUFS,
     FAULT_DOWN,
@@ -43,7 +45,7 @@ typedef enum {
 } fault_kind;
 #define FAULT_NAMES                                                                                \
     "loss", "duplicate", "reorder", "corrupt", "delay", "stuck", "jump", "glitch", "nan", "drive", \
-        "refuse", "ignore", "busoff", "enobufs", "down", "overrun"
+        "refuse", "ignore", "mute", "busoff", "enobufs", "down", "overrun"
 
 typedef struct {
     fault_kind kind;

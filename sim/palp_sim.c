@@ -24,7 +24,7 @@ static const char help[] =
     "  --rate HZ      of the drives' frames, default 1000\n"
     "  --fault LIST   KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "
     "glitch\n"
-    "                 nan drive refuse ignore busoff down, at T s for D s (0.01), V as in "
+    "                 nan drive refuse ignore mute busoff down, at T s for D s (0.01), V as in "
     "sim/README.md\n"
     "  --seed N       of what is random in them\n"
     "  --lockstep     take turns with a palpd --lockstep\n";

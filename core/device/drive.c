@@ -116,7 +116,7 @@ static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, pa
     } else if (aborted) {
         d->error = d->answer = sdo.value;
         d->misconfigured = true;
-        d->mismatch = false;
+        d->stuck = PALP_TROUBLE_REFUSED;
     } else {
         d->mismatch = true; /* some show a new mode only later: it is read again */
         d->answer = sdo.value;
@@ -167,6 +167,7 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
     if (d->tries++ >= SDO_TRIES) {
         d->error = d->mismatch ? PALP_DRIVE_ERROR_MISCONFIGURED : PALP_DRIVE_ERROR_SILENT;
         d->misconfigured = true;
+        d->stuck = d->mismatch ? PALP_TROUBLE_DIFFERENT : PALP_TROUBLE_SILENT;
         return 0;
     }
     palp_cia402_step step = cia402_step(d, c);
@@ -211,10 +212,7 @@ static uint32_t cia402_send(palp_drive *d, const palp_drive_config *c, palp_driv
 /* What the configuration is stuck at. */
 static palp_drive_trouble cia402_trouble(const palp_drive *d, const palp_drive_config *c) {
     const palp_cia402_step step = cia402_step(d, c);
-    const bool silent = d->tries > SDO_TRIES && !d->mismatch;
-    return (palp_drive_trouble){.kind = silent        ? PALP_TROUBLE_SILENT
-                                        : d->mismatch ? PALP_TROUBLE_DIFFERENT
-                                                      : PALP_TROUBLE_REFUSED,
+    return (palp_drive_trouble){.kind = d->stuck,
                                 .node = d->node,
                                 .written = step.size > 0u,
                                 .index = step.index,

@@ -63,16 +63,26 @@ typedef enum {
     PALP_RX_BAD       /* from this drive, but malformed, corrupt or out of sequence */
 } palp_rx_event;
 
+/* What keeps a drive from working, for people to read. */
+typedef enum {
+    PALP_TROUBLE_NONE,
+    PALP_TROUBLE_SILENT,    /* says nothing at all, or does not answer for the object */
+    PALP_TROUBLE_REFUSED,   /* CiA 402: aborted the transfer of the object; `answer` is the code */
+    PALP_TROUBLE_DIFFERENT, /* CiA 402: reads `answer` where `value` is needed under `mask` */
+    PALP_TROUBLE_ERROR      /* `answer` is the drive's own code */
+} palp_trouble_kind;
+
 typedef struct {
     uint8_t node;
-    bool heard;          /* has said anything since the last probe */
-    bool configured;     /* is set up and confirmed */
-    bool enabled;        /* acts on torque */
-    bool misconfigured;  /* did not take its configuration, or is not the drive described */
-    bool mismatch;       /* something read back was not what it must be */
-    uint32_t error;      /* the drive's own code; 0: none */
-    uint32_t answer;     /* CiA 402: abort code or value that the configuration ended with */
-    uint32_t status_age; /* ticks since the last sign of life */
+    bool heard;              /* has said anything since the last probe */
+    bool configured;         /* is set up and confirmed */
+    bool enabled;            /* acts on torque */
+    bool misconfigured;      /* did not take its configuration, or is not the drive described */
+    bool mismatch;           /* something read back was not what it must be */
+    uint32_t error;          /* the drive's own code; 0: none */
+    uint32_t answer;         /* CiA 402: abort code or value that the configuration ended with */
+    palp_trouble_kind stuck; /* why it did */
+    uint32_t status_age;     /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
     /* Protocol internals. */
     uint32_t step, waited, tries, phase, since_request;
@@ -91,14 +101,6 @@ typedef struct {
 #define PALP_DRIVE_ERROR_PARTS                                                                     \
     0xffff0100u /* ODrive 0.5: with 1 of the motor, 2 of the encoder, 4 of the controller */
 
-/* What keeps a drive from working, for people to read. */
-typedef enum {
-    PALP_TROUBLE_NONE,
-    PALP_TROUBLE_SILENT,    /* says nothing at all, or does not answer for the object */
-    PALP_TROUBLE_REFUSED,   /* CiA 402: aborted the transfer of the object; `answer` is the code */
-    PALP_TROUBLE_DIFFERENT, /* CiA 402: reads `answer` where `value` is needed under `mask` */
-    PALP_TROUBLE_ERROR      /* `answer` is the drive's own code */
-} palp_trouble_kind;
 typedef struct {
     palp_trouble_kind kind;
     uint8_t node;

@@ -58,7 +58,8 @@ static const char help[] =
     "  --no-wait           do not wait for the clock between ticks\n"
     "  --fault LIST        KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "
     "glitch\n"
-    "                      nan drive refuse ignore busoff enobufs down overrun, at T s for D s "
+    "                      nan drive refuse ignore mute busoff enobufs down overrun, at T s for D "
+    "s "
     "(0.01), V as in "
     "sim/README.md\n"
     "  --seed N            of what is random in them\n"
@@ -235,13 +236,14 @@ typedef struct {
     palp_counters counters;
     palp_state last_state;
     bool state_shown;
+    palp_drive_trouble trouble[PALP_AXES]; /* of the last tick */
 } consumer;
 
 /* Which drive it was, and what of it. */
-static void announce_trouble(const consumer *f, const tick_record *t) {
+static void announce_trouble(const consumer *f, const palp_drive_trouble *trouble) {
     for (uint32_t i = 0; i < palp_axes(&f->device->kinematics); i++) {
         char text[320];
-        trouble_text(&t->trouble[i], f->device->drives.protocol, text, sizeof text);
+        trouble_text(&trouble[i], f->device->drives.protocol, text, sizeof text);
         if (text[0] != '\0') warn("%s", text);
     }
 }
@@ -268,7 +270,7 @@ static void announce(consumer *f, const tick_record *t) {
         warn("%s%s%s", report_state(r->state), r->faults != 0 ? ": " : "", faults);
     }
     if ((r->faults & (PALP_FAULT_CONFIG | PALP_FAULT_ENABLE | PALP_FAULT_DRIVE)) != 0)
-        announce_trouble(f, t);
+        announce_trouble(f, t->trouble);
 }
 
 static void consume_tick(consumer *f, const tick_record *t) {
@@ -280,6 +282,7 @@ static void consume_tick(consumer *f, const tick_record *t) {
     }
     f->last_tick = r->tick;
     f->digest = t->digest;
+    memcpy(f->trouble, t->trouble, sizeof f->trouble);
     f->counters = t->counters;
     keep_peak(&f->peak, t);
     size_t at = (size_t)(f->taken++ % f->capacity); /* a longer run keeps its last ticks */
@@ -423,6 +426,7 @@ static int conclude(const daemon_spec *s, const consumer *f) {
     if (last->state == PALP_STATE_RUN && last->faults == 0) return EXIT_SUCCESS;
     if ((last->faults & PALP_FAULT_BUS) != 0 && f->loop->memory == NULL)
         warn("the bus failed: check the interface (ip -details link show %s)", s->bus);
+    if (last->state == PALP_STATE_INIT) announce_trouble(f, f->trouble);
     char faults[128];
     report_faults(last->faults, faults, sizeof faults);
     warn("the run ended in state %s%s%s", report_state(last->state), last->faults != 0 ? ": " : "",

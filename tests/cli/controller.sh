@@ -21,6 +21,9 @@ trouble() { # trouble FAULT TEXT: palpd ends with 1 and says it
 trouble refuse=0x6502 "node 1 does not let 0x6502:00 (modes that it has) be read: abort code 0x06020000, no such object"
 trouble refuse=0x6060 "node 1 refuses 10 (0xa) in 0x6060:00 (mode): abort code 0x06020000"
 trouble ignore=0x6060 "node 1: 0x6061:00 (mode that it is in) reads 0 (0x0), 10 is needed"
+trouble mute=0x6060 "node 1 does not answer for 0x6060:00 (mode)"
+trouble mute=0x6076 "node 1 does not answer for 0x6076:00 (rated torque, mNm)"
+trouble loss "node 1 says nothing: is it powered"
 trouble drive "node 1 reports error 0x40"
 loop --device arm3-cia402 --lockstep --fault refuse=0x60c2 > /dev/null 2> err.txt && ! grep -q node err.txt; ok $? "a drive without an optional object works"
 

@@ -93,6 +93,13 @@ refuses 2 "holes" "a rim of no length" $palp remesh holed.obj -o out.obj --holes
 awk '/^v / {printf "v %.9g %.9g %.9g\n", 654321 + 0.03 * $2, 5432109 + 0.03 * $3, 0.03 * $4; next} {print}' ball.obj > digits.obj
 refuses 1 "lost their digits" "a body whose places have too few digits, far from the origin" $palp remesh digits.obj -o out.obj
 
+printf '%s\n' 'v 2 2 0' 'v 0 2 0' 'v 0 2 1' 'v 1 1 1' 'v 0 0 1' 'v 2 2 1' 'v 2 2 0' 'v 1 0 0' 'f 4 7 2' 'f 1 5 2' 'f 5 3 4' 'f 4 2 5' 'f 2 4 3' 'f 3 1 2' 'f 8 4 2' 'f 6 5 2' > folds.obj
+timeout 20 $palp check folds.obj > /dev/null 2> err.txt; [ $? -eq 1 ] && grep -q "non-manifold" err.txt; ok $? "folds at an edge end: $(tail -1 err.txt | cut -c1-90)"
+{ cube 0 0 0 1; cube 0.1 0.1 0.4 9 | awk '/^v/ && $2 > 0.2 {$2 -= 0.2} /^v/ && $3 > 0.2 {$3 -= 0.2} {print}'; } > stacked.obj
+refuses 1 "several components: 2" "a small body that stands on a large one is not within it" $palp remesh stacked.obj -o out.obj
+awk '/^f/ && n++ == 0 {next} /^f/ && n == 3 {print "f", $3, $2, $4; next} {print}' ball.obj > mixed.obj
+$palp subdivide mixed.obj -o read.obj --levels 0 --holes 10 > /dev/null 2> err.txt && grep -q '1 hole(s) closed' err.txt; ok $? "a hole beside a triangle that runs the other way: $(cat err.txt)"
+
 # palp check.
 $palp check ball.obj > check.txt 2> err.txt && [ ! -s err.txt ] && grep -q 'size  .* cm' check.txt && grep -q 'genus 0' check.txt && grep -q 'wall  ' check.txt && grep -q 'nodes, 4 levels with --levels 3' check.txt
 ok $? "palp check: $(grep -c . check.txt) lines"

@@ -179,6 +179,22 @@ static bool collinear(const mesh *m, const uint8_t *fixed) {
     return b == NULL || off < 1e-6 * mesh_diagonal(m);
 }
 
+bool body_may_hold(const body_spec *s, const mesh *m) {
+    double low[3], high[3];
+    mesh_bounds(m, low, high);
+    for (int i = 0; i < s->fix_count; i++) {
+        const fix *f = &s->fixes[i];
+        bool reaches = true;
+        if (f->kind == FIX_BELOW) reaches = low[f->axis] <= f->value[0];
+        if (f->kind == FIX_ABOVE) reaches = high[f->axis] >= f->value[0];
+        for (int k = 0; k < 3 && f->kind == FIX_BOX; k++)
+            reaches = reaches && low[k] <= fmax(f->value[k], f->value[k + 3]) &&
+                      high[k] >= fmin(f->value[k], f->value[k + 3]);
+        if (reaches) return true;
+    }
+    return false;
+}
+
 uint8_t *body_bones(const body_spec *s, const mesh *m) {
     uint8_t *fixed = allocate(m->vertices, 1);
     for (int k = 0; k < s->fix_count; k++) {

@@ -63,6 +63,9 @@ mesh body_mesh(const body_spec *s);
  * coordinates. */
 void body_recentre(body_spec *s, mesh *m);
 
+/* Whether the box of a mesh reaches into a place that is fixed; always with listed nodes. */
+bool body_may_hold(const body_spec *s, const mesh *m);
+
 /* Nodes from a file, one per line, each below `nodes`; exits 2 with the line. To be freed. */
 uint32_t *body_node_list(const char *path, uint32_t nodes, uint32_t *count);
 

@@ -335,7 +335,7 @@ static void bake_body(bake_spec *s, const char *path, output *out, double start)
     detail_data detail = {.vertices = 0};
     if (s->detail != NULL) {
         mesh fine = mesh_load(s->detail);
-        for (uint32_t i = 0; i < fine.vertices; i++) v_sub(fine.x[i], s->body.origin, fine.x[i]);
+        mesh_place(&fine, s->body.choice.unit_m, s->body.origin);
         detail = detail_build(&m, s->detail_levels, &fine);
         mesh_free(&fine);
         build.detail = &detail;
@@ -351,28 +351,37 @@ static void bake_body(bake_spec *s, const char *path, output *out, double start)
             "size                  %.3g x %.3g x %.3g cm\n", 100 * size[0], 100 * size[1],
             100 * size[2]);
     report(strcmp(path, "-") == 0 ? stderr : stdout, &b, &detail, now_s() - start);
+    detail_free(&detail);
+    domains_free(&d);
+    mesh_free(&m);
+    void *owned[] = {fixed, area, normal, g.m, b.bytes};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
 
 /* Every component as a body of its own: OUT-0.palp, OUT-1.palp, .. */
-static int bake_each(bake_spec *s, double start) {
+static int bake_each(bake_spec *s) {
     if (s->body.choice.one || s->save_mesh != NULL || s->detail != NULL ||
         strcmp(s->output, "-") == 0)
         die(EXIT_USAGE, "--each makes several blobs: without --largest, --component, --save-mesh, "
                         "--detail and -o -");
+    for (int k = 0; k < s->body.fix_count; k++) {
+        if (s->body.fixes[k].kind == FIX_NODES)
+            die(EXIT_USAGE, "--each: bodies have different nodes: use --fix-below, --fix-above or "
+                            "--fix-box");
+    }
     mesh m = mesh_load_as(s->body.mesh_path, &s->body.choice,
                           s->body.as_is ? HOLES_AS_IS : HOLES_REMESHED);
     mesh_components c = mesh_find_components(&m);
-    uint8_t *fixed = body_bones(&s->body, &m);
-    bool *held = allocate(c.count, sizeof *held);
     mesh_refuse_cavities(&m, &c, s->body.mesh_path);
-    for (uint32_t t = 0; t < m.triangles; t++)
-        held[c.of[t]] = held[c.of[t]] || fixed[m.t[t][0]] || fixed[m.t[t][1]] || fixed[m.t[t][2]];
     for (uint32_t i = 0; i < c.count; i++) {
-        if (!held[i])
+        mesh one = mesh_copy(&m);
+        mesh_take_component(&one, &c, i);
+        if (!body_may_hold(&s->body, &one))
             die(EXIT_WORK,
                 "%s: no node of component %" PRIu32
                 " is fixed: fix it, or leave it out (palp check lists them)",
                 s->body.mesh_path, i);
+        mesh_free(&one);
     }
     for (uint32_t i = 0; i < c.count; i++) {
         char path[4096];
@@ -382,12 +391,10 @@ static int bake_each(bake_spec *s, double start) {
         memset(s->body.origin, 0, sizeof s->body.origin);
         printf("%s%s\n", i > 0 ? "\n" : "", path);
         output out = open_output(path);
-        bake_body(s, path, &out, start);
+        bake_body(s, path, &out, now_s());
     }
     mesh_components_free(&c);
     mesh_free(&m);
-    free(fixed);
-    free(held);
     return EXIT_SUCCESS;
 }
 
@@ -399,7 +406,7 @@ int command_bake(int argc, char **argv) {
     if (s.zones.zones == 0 && s.tets.levels == 0) body_require(&s.body);
     if (s.each && (s.tets.levels > 0 || s.zones.zones > 0))
         die(EXIT_USAGE, "--each is for bodies without zones that do not move");
-    if (s.each) return bake_each(&s, start);
+    if (s.each) return bake_each(&s);
     output out = open_output(s.output);
     if (s.tets.levels > 0) return bake_tets(&s, &out, start);
     if (s.zones.zones > 0) return bake_zones(&s, &out, start);

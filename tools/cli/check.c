@@ -22,14 +22,15 @@ static const char help[] =
     "Says in a few lines what a mesh is (size, components, edges, thinnest wall), what was mended "
     "in\n"
     "it, and what palp bake will make of it. Exits 1 with the reason where bake would refuse it.\n"
-    "\n" MESH_HELP "  --levels N              of remeshing, as palp bake has them (default 3)\n";
+    "\n" MESH_HELP "  --levels N              of remeshing, as palp bake has them (default 3)\n"
+    "  --base-faces N          triangles of its base\n";
 
-static const option options[] = {MESH_OPTIONS, {"--levels", 1}, {NULL, 0}};
+static const option options[] = {MESH_OPTIONS, {"--levels", 1}, {"--base-faces", 1}, {NULL, 0}};
 
 typedef struct {
     const char *input;
     mesh_choice choice;
-    uint32_t levels;
+    uint32_t levels, base_faces;
 } check_spec;
 
 static void set_option(void *context, const argument *a) {
@@ -37,6 +38,8 @@ static void set_option(void *context, const argument *a) {
     if (a->option == NULL) {
         if (s->input != NULL) die(EXIT_USAGE, "one mesh, not also '%s'", a->value[0]);
         s->input = a->value[0];
+    } else if (strcmp(a->option, "--base-faces") == 0) {
+        s->base_faces = arg_u32(a, 0, 4, 1000000);
     } else if (!mesh_option(&s->choice, a)) {
         s->levels = arg_u32(a, 0, 0, 8);
     }
@@ -106,7 +109,7 @@ int command_check(int argc, char **argv) {
     semireg_free(&given);
     fflush(stdout);
     remesh_report r;
-    mesh used = remesh(&m, s.input, s.levels, 0, &r);
+    mesh used = remesh(&m, s.input, s.levels, s.base_faces, &r);
     remesh_warn(&r, s.input);
     print_surface("remeshed", &used);
     printf("%-10s distance    %.3f %% of the diagonal in the mean, %.3f %% at most\n", "",

@@ -54,12 +54,18 @@ static void close_holes(mesh *m, const char *path, double longest_m) {
          closed, 100 * longest.rim_m, longest.middle[0], longest.middle[1], longest.middle[2]);
 }
 
+void mesh_place(mesh *m, double unit_m, const double origin[3]) {
+    for (uint32_t i = 0; i < m->vertices; i++) {
+        for (int k = 0; k < 3; k++) m->x[i][k] = m->x[i][k] * (unit_m > 0 ? unit_m : 1) - origin[k];
+    }
+}
+
 mesh mesh_load_as(const char *path, const mesh_choice *c, double usual) {
     mesh m = mesh_load(path);
-    for (uint32_t i = 0; i < m.vertices && c->unit_m > 0; i++) {
-        for (int k = 0; k < 3; k++) m.x[i][k] *= c->unit_m;
-    }
-    if (c->one) mesh_keep_component(&m, path, c->component);
+    static const double origin[3];
+    mesh_place(&m, c->unit_m, origin);
+    /* before a component is kept, so that its number is that of palp check */
     close_holes(&m, path, c->holes_given ? c->holes_m : usual * mesh_diagonal(&m));
+    if (c->one) mesh_keep_component(&m, path, c->component);
     return m;
 }

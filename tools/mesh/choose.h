@@ -29,12 +29,15 @@ typedef struct {
 bool mesh_option(mesh_choice *c, const argument *a);
 
 /*
- * mesh_load, in metres, the component that was chosen, without unused vertices, with its holes
- * closed: those that were asked for, or else with a rim of at most `usual` bounding box diagonals.
+ * mesh_load, in metres, with its holes closed: those that were asked for, or else with a rim of at
+ * most `usual` bounding box diagonals of the file; then the component that was chosen.
  */
 mesh mesh_load_as(const char *path, const mesh_choice *c, double usual);
 #define HOLES_REMESHED 1.0
 #define HOLES_AS_IS 0.0
+
+/* Vertices of a file in its unit (0: metres), from another origin in metres. */
+void mesh_place(mesh *m, double unit_m, const double origin[3]);
 
 /* Warns of sizes that no body has. */
 void mesh_warn_of_size(const mesh *m, const char *path);

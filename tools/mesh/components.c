@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST_NESTED 32 /* components among which one within another is looked for */
+#define SAMPLES 8u /* vertices of a component that are looked at */
 
 /* A component as it was met, and its area. */
 typedef struct {
@@ -76,18 +76,64 @@ static double winding(const mesh *m, const mesh_components *c, uint32_t k, const
     return sum / (2 * M_PI);
 }
 
+typedef struct {
+    double low[3], high[3];
+    double x[SAMPLES][3]; /* some of its vertices */
+    uint32_t samples, met;
+} sampled;
+
+static void take_place(sampled *s, const double x[3], bool sample) {
+    for (int k = 0; k < 3; k++) {
+        s->low[k] = s->met == 0 ? x[k] : fmin(s->low[k], x[k]);
+        s->high[k] = s->met == 0 ? x[k] : fmax(s->high[k], x[k]);
+    }
+    if (sample && s->samples < SAMPLES) memcpy(s->x[s->samples++], x, sizeof s->x[0]);
+    s->met++;
+}
+
+static bool box_holds(const sampled *outer, const sampled *inner) {
+    for (int k = 0; k < 3; k++) {
+        if (inner->low[k] < outer->low[k] || inner->high[k] > outer->high[k]) return false;
+    }
+    return true;
+}
+
+/* All samples go well around, none lies on the surface. */
+static bool lies_within(const mesh *m, const mesh_components *c, const sampled *inner, uint32_t k) {
+    for (uint32_t i = 0; i < inner->samples; i++) {
+        if (fabs(winding(m, c, k, inner->x[i])) < 0.75) return false;
+    }
+    return true;
+}
+
 void mesh_refuse_cavities(const mesh *m, const mesh_components *c, const char *path) {
-    for (uint32_t t = 0; t < m->triangles && c->count <= MOST_NESTED; t++) {
-        const uint32_t own = c->of[t];
-        if (t > 0 && c->of[t - 1] == own) continue; /* one vertex of it will do */
+    sampled *of = allocate(c->count, sizeof *of);
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        sampled *s = &of[c->of[t]];
+        const uint32_t every = c->triangles[c->of[t]] / SAMPLES + 1;
+        for (int k = 0; k < 3; k++)
+            take_place(s, m->x[m->t[t][k]], k == 0 && s->met / 3 % every == 0);
+    }
+    for (uint32_t own = 0; own < c->count; own++) {
         for (uint32_t k = 0; k < c->count; k++) {
-            if (k == own || fabs(winding(m, c, k, m->x[m->t[t][0]])) < 0.5) continue;
+            if (k == own || !box_holds(&of[k], &of[own]) || !lies_within(m, c, &of[own], k))
+                continue;
             die(EXIT_WORK,
                 "%s: component %" PRIu32 " lies inside component %" PRIu32
                 ": hollow bodies are not baked: keep one by --largest or --component N",
                 path, own, k);
         }
     }
+    free(of);
+}
+
+void mesh_take_component(mesh *m, const mesh_components *c, uint32_t component) {
+    uint32_t kept = 0;
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        if (c->of[t] == component) memcpy(m->t[kept++], m->t[t], sizeof m->t[t]);
+    }
+    m->triangles = kept;
+    (void)mesh_drop_unused(m);
 }
 
 void mesh_keep_component(mesh *m, const char *path, uint32_t component) {
@@ -95,16 +141,12 @@ void mesh_keep_component(mesh *m, const char *path, uint32_t component) {
     if (component >= c.count)
         die(EXIT_USAGE, "%s: no component %" PRIu32 ": there are %" PRIu32 ", from 0", path,
             component, c.count);
-    uint32_t kept = 0;
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        if (c.of[t] == component) memcpy(m->t[kept++], m->t[t], sizeof m->t[t]);
-    }
+    const uint32_t before = m->triangles;
+    mesh_take_component(m, &c, component);
     if (c.count > 1)
         fprintf(stderr,
                 "%s: component %" PRIu32 " of %" PRIu32 " kept: %" PRIu32 " of %" PRIu32
                 " triangles\n",
-                path, component, c.count, kept, m->triangles);
-    m->triangles = kept;
-    (void)mesh_drop_unused(m);
+                path, component, c.count, m->triangles, before);
     mesh_components_free(&c);
 }

@@ -18,7 +18,10 @@ void mesh_components_free(mesh_components *c);
 /* Exits 1 where one component lies inside another: a hollow body, which is not baked. */
 void mesh_refuse_cavities(const mesh *m, const mesh_components *c, const char *path);
 
-/* Leaves the one component, and no vertex that it does not use; exits 2 where there is none. */
+/* Leaves the one component, which there is, and no vertex that it does not use. */
+void mesh_take_component(mesh *m, const mesh_components *c, uint32_t component);
+
+/* The same, by number; says so, and exits 2 where there is none. */
 void mesh_keep_component(mesh *m, const char *path, uint32_t component);
 
 #endif

@@ -11,7 +11,7 @@ typedef struct {
 } mesh_hole;
 
 /*
- * Closes the holes whose rim is at most `longest_m`: by the triangles of least area over the rim's
+ * Makes neighbours run alike, then closes the holes whose rim is at most `longest_m`: by the triangles of least area over the rim's
  * own vertices (dynamic programming, in the cube of the edges) where it has at most 300, by a fan
  * about its middle where it has more. Returns how many; `longest` is the longest of those, `left`
  * the longest that stays open (edges 0: none).

@@ -129,12 +129,17 @@ static _Noreturn void die_open(const mesh *m, const char *path, const half_edge 
     mesh copy = mesh_copy(m);
     mesh_hole longest, left;
     (void)mesh_close_holes(&copy, 0, &longest, &left);
+    if (left.edges == 0)
+        die(EXIT_WORK,
+            "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
+            " (0-based), and its open edges make no ring: close it there",
+            path, side->low, side->high, side->triangle);
     die(EXIT_WORK,
         "%s: the surface is open at edge %" PRIu32 "-%" PRIu32 " of triangle %" PRIu32
         " (0-based); the longest rim has %" PRIu32
-        " edges, %.3g cm, around (%.4g, %.4g, %.4g): close it there, or add --holes %.2g",
+        " edges, %.3g cm, around (%.4g, %.4g, %.4g): close it there, or add --holes %.3g",
         path, side->low, side->high, side->triangle, left.edges, 100 * left.rim_m, left.middle[0],
-        left.middle[1], left.middle[2], 1.01 * left.rim_m);
+        left.middle[1], left.middle[2], 1.02 * left.rim_m);
 }
 
 /* An edge with more than two triangles. */
@@ -294,6 +299,22 @@ static void require_sound_triangles(const mesh *m, const char *path) {
     }
 }
 
+static double volume_from(const mesh *m, const double from[3]) {
+    double sum = 0;
+    for (uint32_t i = 0; i < m->triangles; i++) {
+        double r[3][3], c[3];
+        for (int k = 0; k < 3; k++) v_sub(m->x[m->t[i][k]], from, r[k]);
+        v_cross(r[1], r[2], c);
+        sum += v_dot(r[0], c);
+    }
+    return sum / 6;
+}
+
+double mesh_volume(const mesh *m) {
+    static const double origin[3];
+    return volume_from(m, mesh_is_far(m) ? m->x[0] : origin); /* where it loses no digits */
+}
+
 #define FLAT 1e-12 /* volume over the cube of the diagonal of what is no body */
 
 void mesh_require_closed(mesh *m, const char *path) {
@@ -306,7 +327,7 @@ void mesh_require_closed(mesh *m, const char *path) {
     free(neighbour);
     require_oriented(m, path);
     require_manifold_vertices(m, path);
-    const double volume = mesh_volume(m), size = mesh_diagonal(m);
+    const double volume = volume_from(m, m->x[0]), size = mesh_diagonal(m);
     if (!(fabs(volume) > FLAT * size * size * size))
         die(EXIT_WORK, "%s: the mesh is flat: it encloses %.2g of its box' diagonal cubed", path,
             volume / (size * size * size));
@@ -371,19 +392,6 @@ void mesh_stars(const mesh *m, uint32_t **offset, uint32_t **triangle) {
         (*triangle)[(*offset)[v] + next[v]++] = (uint32_t)(i / 3);
     }
     free(next);
-}
-
-double mesh_volume(const mesh *m) {
-    double sum = 0;
-    static const double origin[3];
-    const double *from = mesh_is_far(m) ? m->x[0] : origin; /* where it loses no digits */
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        double r[3][3], c[3];
-        for (int k = 0; k < 3; k++) v_sub(m->x[m->t[i][k]], from, r[k]);
-        v_cross(r[1], r[2], c);
-        sum += v_dot(r[0], c);
-    }
-    return sum / 6;
 }
 
 static void bounds_of(double (*x)[3], uint32_t count, double low[3], double high[3]) {

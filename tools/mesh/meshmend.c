@@ -215,6 +215,7 @@ static uint32_t drop_facing(mesh *m, bool *doubled) {
 static bool is_sliver(const mesh *m, uint32_t triangle, double within, uint32_t *corner) {
     const uint32_t *t = m->t[triangle];
     double longest = 0, n[3];
+    *corner = 0;
     for (uint32_t k = 0; k < 3; k++) {
         double d[3];
         v_sub(m->x[t[(k + 1) % 3]], m->x[t[k]], d);
@@ -341,10 +342,15 @@ void mesh_mend(mesh *m, mesh_mended *mended) {
         cut = cut_once(m, within);
         mended->junctions += cut;
     }
+    if (mended->junctions > 0) mended->facing += drop_facing(m, &doubled);
     if (!doubled) mended->split += mesh_split_touching(m);
+    (void)mesh_drop_unused(m); /* what only a sliver had */
 }
 
-uint32_t mesh_turn_slivers(mesh *m) { return turn_slivers(m, SAME * mesh_diagonal(m)); }
+uint32_t mesh_turn_slivers(mesh *m) {
+    const double within = SAME * mesh_diagonal(m);
+    return within > 0 ? turn_slivers(m, within) : 0;
+}
 
 static void add(char *text, size_t size, uint32_t count, const char *what) {
     const size_t used = strlen(text);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define PASSES 8       /* of cutting edges in their middle */
 #define MOST_AROUND 16 /* triangles at one edge that are told apart */
 
 /* Corners are numbered 3 triangle + corner, and joined where triangles belong together. */
@@ -122,6 +123,10 @@ static uint32_t double_vertices(mesh *m) {
     return added;
 }
 
+static uint32_t facing_corner(const mesh *m, const half_edge *side) {
+    return m->t[side->triangle][(side->corner + 2) % 3];
+}
+
 /* Where both ends of an edge have one fan, no doubling tells its pairs apart: each gets a vertex of
  * its own in the middle. One edge of a triangle at a time; returns how many vertices were added. */
 static uint32_t add_middles(mesh *m) {
@@ -136,6 +141,10 @@ static uint32_t add_middles(mesh *m) {
         bool free_to_cut = j - i > 2;
         for (size_t k = i; k < j; k++) free_to_cut = free_to_cut && !changed[side[k].triangle];
         if (!free_to_cut || !pair_around(m, &side[i], j - i, pair)) continue;
+        for (size_t k = 0; k < (j - i) / 2; k++) /* a fold: its halves would be folds again */
+            free_to_cut =
+                free_to_cut && facing_corner(m, pair[k][0]) != facing_corner(m, pair[k][1]);
+        if (!free_to_cut) continue;
         for (size_t k = 0; k < (j - i) / 2; k++) {
             m->x = grow(m->x, &vertex_room, m->vertices + 1u, sizeof *m->x);
             double *x = m->x[m->vertices];
@@ -155,6 +164,10 @@ static uint32_t add_middles(mesh *m) {
 
 uint32_t mesh_split_touching(mesh *m) {
     uint32_t added = double_vertices(m);
-    for (uint32_t more = add_middles(m); more > 0; more = add_middles(m)) added += more;
+    for (int pass = 0; pass < PASSES; pass++) {
+        const uint32_t more = add_middles(m);
+        if (more == 0) break;
+        added += more;
+    }
     return added + double_vertices(m);
 }

@@ -10,7 +10,8 @@
 
 #include "tools/mesh/mesh.h"
 
-/* Leaves edges around which not as many triangles run one way as the other.
+/* Leaves edges around which not as many triangles run one way as the other, of more than 16
+ * triangles, and those of folds.
  * Returns how many vertices were added. */
 uint32_t mesh_split_touching(mesh *m);
 
