@@ -98,7 +98,8 @@ static uint32_t weld(mesh *m, double within) {
     for (uint32_t i = 0; i < m->vertices; i++) {
         if (at_edge[i] == 0) continue;
         c[n].vertex = i;
-        for (int k = 0; k < 3; k++) c[n].cell[k] = (int64_t)floor(m->x[i][k] / within);
+        for (int k = 0; k < 3; k++)
+            c[n].cell[k] = (int64_t)fmin(9e18, fmax(-9e18, floor(m->x[i][k] / within)));
         n++;
     }
     free(at_edge);
