@@ -112,13 +112,13 @@ static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, pa
     if ((answered && right) || (step.optional && aborted)) {
         d->step++;
         d->waited = d->tries = 0;
-        d->mismatch = false;
+        d->stuck = PALP_TROUBLE_NONE;
     } else if (aborted) {
         d->error = d->answer = sdo.value;
         d->misconfigured = true;
         d->stuck = PALP_TROUBLE_REFUSED;
     } else {
-        d->mismatch = true; /* some show a new mode only later: it is read again */
+        d->stuck = PALP_TROUBLE_DIFFERENT; /* some show a new mode only later: it is read again */
         d->answer = sdo.value;
     }
     return heard(d, PALP_RX_STATUS);
@@ -165,9 +165,10 @@ static uint32_t cia402_configure(palp_drive *d, const palp_drive_config *c, palp
     }
     if (d->misconfigured || d->waited++ % repeat_ticks(c) != 0u) return 0;
     if (d->tries++ >= SDO_TRIES) {
-        d->error = d->mismatch ? PALP_DRIVE_ERROR_MISCONFIGURED : PALP_DRIVE_ERROR_SILENT;
+        if (d->stuck == PALP_TROUBLE_NONE) d->stuck = PALP_TROUBLE_SILENT;
+        d->error = d->stuck == PALP_TROUBLE_SILENT ? PALP_DRIVE_ERROR_SILENT
+                                                   : PALP_DRIVE_ERROR_MISCONFIGURED;
         d->misconfigured = true;
-        d->stuck = d->mismatch ? PALP_TROUBLE_DIFFERENT : PALP_TROUBLE_SILENT;
         return 0;
     }
     palp_cia402_step step = cia402_step(d, c);
@@ -218,7 +219,6 @@ static palp_drive_trouble cia402_trouble(const palp_drive *d, const palp_drive_c
                                 .index = step.index,
                                 .sub = step.sub,
                                 .value = step.value,
-                                .mask = step.mask,
                                 .answer = d->answer};
 }
 

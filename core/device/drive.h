@@ -68,21 +68,20 @@ typedef enum {
     PALP_TROUBLE_NONE,
     PALP_TROUBLE_SILENT,    /* says nothing at all, or does not answer for the object */
     PALP_TROUBLE_REFUSED,   /* CiA 402: aborted the transfer of the object; `answer` is the code */
-    PALP_TROUBLE_DIFFERENT, /* CiA 402: reads `answer` where `value` is needed under `mask` */
+    PALP_TROUBLE_DIFFERENT, /* CiA 402: reads `answer` where `value` is needed */
     PALP_TROUBLE_ERROR      /* `answer` is the drive's own code */
 } palp_trouble_kind;
 
 typedef struct {
     uint8_t node;
-    bool heard;              /* has said anything since the last probe */
-    bool configured;         /* is set up and confirmed */
-    bool enabled;            /* acts on torque */
-    bool misconfigured;      /* did not take its configuration, or is not the drive described */
-    bool mismatch;           /* something read back was not what it must be */
-    uint32_t error;          /* the drive's own code; 0: none */
-    uint32_t answer;         /* CiA 402: abort code or value that the configuration ended with */
-    palp_trouble_kind stuck; /* why it did */
-    uint32_t status_age;     /* ticks since the last sign of life */
+    bool heard;         /* has said anything since the last probe */
+    bool configured;    /* is set up and confirmed */
+    bool enabled;       /* acts on torque */
+    bool misconfigured; /* did not take its configuration, or is not the drive described */
+    uint32_t error;     /* the drive's own code; 0: none */
+    uint32_t answer;    /* CiA 402: abort code, or what was read where something else is needed */
+    palp_trouble_kind stuck;            /* CiA 402: why the configuration does not go on */
+    uint32_t status_age;                /* ticks since the last sign of life */
     float position_rev, velocity_rev_s; /* of the last estimate; NaN when there is no velocity */
     /* Protocol internals. */
     uint32_t step, waited, tries, phase, since_request;
@@ -107,7 +106,7 @@ typedef struct {
     bool written; /* the object was written with `value`; else read */
     uint8_t sub;
     uint16_t index; /* of the object; 0: none */
-    uint32_t value, mask, answer;
+    uint32_t value, answer;
 } palp_drive_trouble;
 
 /* Constant time. */

@@ -30,9 +30,8 @@ typedef struct {
     palp_odrive_command command;
     uint32_t error; /* heartbeat, get error */
     uint32_t state; /* heartbeat, set axis state */
-    uint32_t
-        parts; /* heartbeat of firmware 0.5: 1 the motor, 2 the encoder, 4 the controller has an
-                           error of its own, which `error` need not show */
+    uint32_t parts; /* heartbeat of firmware 0.5, errors that `error` need not show: 1 the motor's,
+                       2 the encoder's, 4 the controller's */
     float position_rev; /* encoder estimates */
     float velocity_rev_s;
     float torque_Nm; /* set input torque */

@@ -66,14 +66,13 @@ static float *node_stiffness(const palp_blob *b) {
 }
 
 /* High, flat, facing up, and no softer than most: not the tip of an ear. */
-static uint32_t choose_node(const palp_blob *b, float radius) {
+static uint32_t choose_node(const palp_blob *b, float radius, const float *stiffness) {
     palp_vec3 from = centroid(b, true);
     palp_vec3 up = palp_sub(centroid(b, false), from);
     float length = palp_norm(up);
     if (length > 0) up = palp_scale(1.0f / length, up);
     uint32_t best = UINT32_MAX;
     float best_score = 0, mean = 0;
-    float *stiffness = node_stiffness(b);
     for (uint32_t i = 0; i < b->meta->nodes; i++)
         mean += stiffness[i] / (float)b->level[b->meta->constraint_level].nodes;
     for (uint32_t i = 0; i < b->meta->nodes; i++) {
@@ -85,7 +84,6 @@ static uint32_t choose_node(const palp_blob *b, float radius) {
         best = i;
         best_score = score;
     }
-    free(stiffness);
     return best;
 }
 
@@ -106,8 +104,9 @@ touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_
     float size = palp_norm(diagonal);
     float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
     float radius = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
-    const uint32_t chosen = choose_node(blob, 2 * radius);
-    if (node == UINT32_MAX) node = chosen;
+    float *stiffness = node_stiffness(blob);
+    if (node == UINT32_MAX) node = choose_node(blob, 2 * radius, stiffness);
+    free(stiffness);
     touch_frame t = {.tool_radius_m = radius, .node = node};
     palp_vec3 n = normal(blob, node);
     t.placement.scale = scale;

@@ -90,7 +90,7 @@ while fan[around[-1]] != around[0]:
 half = set(around[:3])
 copies = [[V if i == 0 and f[(f.index(0) + 1) % 3] in half else i for i in f] if 0 in f else f for f in faces]
 save("no-length.obj", obj(x + [x[0]], copies + [[0, V, around[0]], [V, 0, around[3]]]), says="without length")
-# two full layers, between them two blocks that share an edge: both of its ends hang together
+# two full layers, between them two blocks that share an edge: its faces are joined at both of its ends
 blocks = {(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1, 2) if c != 1 or a == b}
 number, skin = {}, []
 for block in sorted(blocks):
@@ -109,7 +109,7 @@ for block in sorted(blocks):
                 corners.append(number.setdefault(tuple(at), len(number)))
             skin.append(corners if side else corners[::-1])
 corner = [tuple(c / 2 for c in at) for at in number]
-save("hanging.obj", obj(corner, skin), len(corner) + 2, 2 * len(skin) + 4, len(blocks) / 8, "touches itself")
+save("joined-ends.obj", obj(corner, skin), len(corner) + 2, 2 * len(skin) + 4, len(blocks) / 8, "touches itself")
 
 
 def stl(name, head="solid a b", tail="endsolid a b", upper=False):

@@ -49,7 +49,6 @@ int command_fill(int argc, char **argv) {
     if (piped && s.count > 1) die(EXIT_USAGE, "-o: several meshes need a name, not '-'");
     FILE *table = piped ? stderr : stdout;
     mesh surface = mesh_load_as(s.input, &s.choice, HOLES_REMESHED);
-    (void)mesh_drop_unused(&surface);
     mesh_require_closed(&surface, s.input);
     mesh_warn_of_size(&surface, s.input);
     bvh *on = bvh_build(&surface);

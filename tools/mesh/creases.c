@@ -47,11 +47,7 @@ static void join_facet(membership *m, uint32_t facet) {
 
 static double cosine_between(const mesh *m, const mesh_edge *e) {
     double n[2][3];
-    for (int s = 0; s < 2; s++) {
-        const uint32_t *t = m->t[e->triangle[s]];
-        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n[s]);
-        v_normalize(n[s]);
-    }
+    for (int s = 0; s < 2; s++) mesh_unit_normal(m, e->triangle[s], n[s]);
     return v_dot(n[0], n[1]);
 }
 
@@ -71,12 +67,11 @@ static creases find_creases(const mesh *m, double shortest) {
     creases c = {.original = m, .facet = allocate(m->triangles, sizeof *c.facet)};
     uint32_t edges;
     mesh_edge *e = mesh_edges(m, &edges);
-    bool *sharp = allocate(edges, sizeof *sharp);
     double *rim = allocate(m->triangles, sizeof *rim);
     for (uint32_t t = 0; t < m->triangles; t++) c.facet[t] = t;
     for (uint32_t i = 0; i < edges; i++) {
-        sharp[i] = cosine_between(m, &e[i]) < cos(SHARP_DEG * M_PI / 180);
-        if (!sharp[i]) set_join(c.facet, e[i].triangle[0], e[i].triangle[1]);
+        if (cosine_between(m, &e[i]) >= cos(SHARP_DEG * M_PI / 180))
+            set_join(c.facet, e[i].triangle[0], e[i].triangle[1]);
     }
     for (uint32_t t = 0; t < m->triangles; t++) c.facet[t] = set_of(c.facet, t);
     for (uint32_t i = 0; i < edges; i++) {
@@ -92,8 +87,8 @@ static creases find_creases(const mesh *m, double shortest) {
         c.list[c.count++] = (crease){e[i].a, e[i].b, {p, q}};
     }
     sort_by_facet(&c);
-    void *owned[] = {e, sharp, rim};
-    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
+    free(e);
+    free(rim);
     return c;
 }
 

@@ -100,34 +100,25 @@ void fit_reach_features(const fit *f, const mesh *original) {
     free(list);
 }
 
-/* A triangle is flipped when it faces against the sum of its three neighbours. */
-static uint32_t find_bad(const mesh *m, double smallest_angle_deg, bool *bad) {
-    uint32_t edges, flipped = 0;
-    mesh_edge *e = mesh_edges(m, &edges);
-    double(*normal)[3] = allocate(m->triangles, sizeof *normal);
-    double(*sum)[3] = allocate(m->triangles, sizeof *sum);
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        const uint32_t *t = m->t[i];
-        triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], normal[i]);
-        v_normalize(normal[i]);
+bool fit_is_flipped(const mesh *m, const uint32_t *across, uint32_t triangle) {
+    double n[3], sum = 0;
+    mesh_unit_normal(m, triangle, n);
+    for (size_t k = 0; k < 3; k++) {
+        double beside[3];
+        mesh_unit_normal(m, across[3 * (size_t)triangle + k], beside);
+        sum += v_dot(n, beside);
     }
-    for (uint32_t i = 0; i < edges; i++) {
-        uint32_t a = e[i].triangle[0], b = e[i].triangle[1];
-        for (int k = 0; k < 3; k++) {
-            sum[a][k] += normal[b][k];
-            sum[b][k] += normal[a][k];
-        }
-    }
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        bool against = v_dot(normal[i], sum[i]) < 0;
+    return sum < 0;
+}
+
+/* Marks flipped triangles and needles; returns how many are flipped. */
+static uint32_t find_bad(const fit *f, double smallest_angle_deg, bool *bad) {
+    uint32_t flipped = 0;
+    for (uint32_t i = 0; i < f->m->triangles; i++) {
+        const bool against = fit_is_flipped(f->m, f->across, i);
         flipped += against ? 1 : 0;
-        if (bad == NULL) continue;
-        mesh one = {.vertices = m->vertices, .triangles = 1, .x = m->x, .t = m->t + i};
-        bad[i] = against || mesh_smallest_angle_deg(&one) < smallest_angle_deg;
+        bad[i] = against || mesh_triangle_angle_deg(f->m, i) < smallest_angle_deg;
     }
-    free(sum);
-    free(normal);
-    free(e);
     return flipped;
 }
 
@@ -164,7 +155,7 @@ void fit_repair(const fit *f, double smallest_angle_deg) {
     uint32_t fewest = UINT32_MAX;
     for (int step = 0; step < REPAIR_STEPS; step++) {
         uint32_t count = 0;
-        (void)find_bad(m, smallest_angle_deg, bad);
+        (void)find_bad(f, smallest_angle_deg, bad);
         memset(move, 0, m->vertices * sizeof *move);
         for (uint32_t i = 0; i < m->triangles; i++) {
             for (int k = 0; k < 3 && bad[i]; k++) move[m->t[i][k]] = true;
@@ -183,10 +174,15 @@ void fit_repair(const fit *f, double smallest_angle_deg) {
         }
     }
     memcpy(m->x, best, m->vertices * sizeof *best);
-    for (int step = 0; step < REPAIR_STEPS && find_bad(m, 0, bad) > 0; step++) unfold(f, bad);
+    for (int step = 0; step < REPAIR_STEPS && find_bad(f, 0, bad) > 0; step++) unfold(f, bad);
     free(best);
     free(move);
     free(bad);
 }
 
-uint32_t mesh_flipped(const mesh *m) { return find_bad(m, 0, NULL); }
+uint32_t mesh_flipped(const mesh *m) {
+    uint32_t *across = mesh_across(m), flipped = 0;
+    for (uint32_t i = 0; i < m->triangles; i++) flipped += fit_is_flipped(m, across, i) ? 1 : 0;
+    free(across);
+    return flipped;
+}

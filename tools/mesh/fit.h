@@ -14,6 +14,7 @@ typedef struct {
     mesh *m;
     const bvh *surface;
     uint32_t *offset, *ring;
+    const uint32_t *across; /* mesh_across */
     double (*facing)[3];
     bool *pinned; /* base vertices and those that hold a feature */
 } fit;
@@ -50,7 +51,8 @@ uint32_t fit_nearest_vertex(const fit *f, const double x[3], const double facing
 /* Adds to a set of vertices those beside them. */
 void fit_spread(const fit *f, bool *set);
 
-/* Triangles that face against the sum of their three neighbours. */
+/* Whether a triangle faces against the sum of its three neighbours; and how many do. */
+bool fit_is_flipped(const mesh *m, const uint32_t *across, uint32_t triangle);
 uint32_t mesh_flipped(const mesh *m);
 
 #endif

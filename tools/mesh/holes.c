@@ -99,53 +99,6 @@ static void close_hole(hole_work *w, const double middle[3]) {
     if (!closed) append_fan(w, middle);
 }
 
-static void flip(uint32_t t[3]) {
-    const uint32_t second = t[1];
-    t[1] = t[2];
-    t[2] = second;
-}
-
-/* Neighbours over edges of two triangles are made to run alike, each part like its first triangle;
- * a one-sided part stays. */
-static void orient_parts(mesh *m) {
-    const size_t total = 3 * (size_t)m->triangles;
-    half_edge *h = mesh_half_edges(m);
-    uint32_t *beside = allocate(total, sizeof *beside),
-             *queue = allocate(m->triangles, sizeof *queue);
-    bool *same = allocate(total, sizeof *same), *seen = allocate(m->triangles, sizeof *seen);
-    memset(beside, 0xff, total * sizeof *beside);
-    for (size_t i = 0, j; i < total; i = j) {
-        j = half_edge_run_end(h, i, total);
-        if (j != i + 2) continue;
-        for (size_t s = 0; s < 2; s++) {
-            const size_t side = 3 * (size_t)h[i + s].triangle + h[i + s].corner;
-            beside[side] = h[i + 1 - s].triangle;
-            same[side] = h[i].forward == h[i + 1].forward;
-        }
-    }
-    free(h);
-    bool *turned = allocate(m->triangles, sizeof *turned);
-    for (uint32_t first = 0; first < m->triangles; first++) {
-        uint32_t head = 0, tail = 0;
-        if (seen[first]) continue;
-        seen[queue[tail++] = first] = true;
-        while (head < tail) {
-            const uint32_t t = queue[head++];
-            for (size_t k = 0; k < 3; k++) {
-                const size_t side = 3 * (size_t)t + k;
-                if (beside[side] == NONE || seen[beside[side]]) continue;
-                turned[beside[side]] = turned[t] != same[side];
-                seen[queue[tail++] = beside[side]] = true;
-            }
-        }
-    }
-    for (uint32_t t = 0; t < m->triangles; t++) {
-        if (turned[t]) flip(m->t[t]);
-    }
-    void *owned[] = {beside, queue, same, seen, turned};
-    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
-}
-
 /* For each vertex of a rim the next one against the triangles' own direction; NONE elsewhere. */
 static uint32_t *rim_successors(const mesh *m, const half_edge *h, size_t total) {
     uint32_t *next = allocate(m->vertices, sizeof *next);
@@ -160,7 +113,7 @@ static uint32_t *rim_successors(const mesh *m, const half_edge *h, size_t total)
 }
 
 uint32_t mesh_close_holes(mesh *m, double longest_m, mesh_hole *longest, mesh_hole *left) {
-    orient_parts(m);
+    (void)mesh_orient(m);
     const size_t total = 3 * (size_t)m->triangles;
     half_edge *h = mesh_half_edges(m);
     uint32_t *next = rim_successors(m, h, total), *rim = allocate(m->vertices, sizeof *rim);

@@ -56,6 +56,8 @@ uint32_t mesh_drop_unused(mesh *m) {
     return dropped;
 }
 
+#define NONE UINT32_MAX
+
 static int compare_half_edges(const void *a, const void *b) {
     const half_edge *p = a;
     const half_edge *q = b;
@@ -95,6 +97,17 @@ bool half_edge_exists(const half_edge *h, size_t count, uint32_t a, uint32_t b) 
             to = mid;
     }
     return from < count && h[from].low == low && h[from].high == high;
+}
+
+uint32_t half_edge_facing(const mesh *m, const half_edge *side) {
+    return m->t[side->triangle][(side->corner + 2) % 3];
+}
+
+uint32_t mesh_add_middle(mesh *m, size_t *room, const half_edge *side) {
+    m->x = grow(m->x, room, m->vertices + 1u, sizeof *m->x);
+    for (int k = 0; k < 3; k++)
+        m->x[m->vertices][k] = 0.5 * (m->x[side->low][k] + m->x[side->high][k]);
+    return m->vertices++;
 }
 
 void mesh_cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at) {
@@ -149,8 +162,7 @@ static _Noreturn void die_shared(const mesh *m, const char *path, const half_edg
     bool twice = false; /* two of the triangles have the same third vertex */
     for (size_t i = 0; i < count; i++) {
         for (size_t k = 0; k < i; k++)
-            twice = twice || m->t[side[i].triangle][(side[i].corner + 2) % 3] ==
-                                 m->t[side[k].triangle][(side[k].corner + 2) % 3];
+            twice = twice || half_edge_facing(m, &side[i]) == half_edge_facing(m, &side[k]);
     }
     die(EXIT_WORK,
         "%s: edge %" PRIu32 "-%" PRIu32 " (0-based), at (%.4g, %.4g, %.4g), belongs to %zu "
@@ -167,9 +179,7 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
     for (size_t i = 0; i < total;) {
         size_t j = half_edge_run_end(h, i, total);
         if (j - i == 1) die_open(m, path, &h[i]);
-        if (j - i > 2) {
-            die_shared(m, path, &h[i], j - i);
-        }
+        if (j - i > 2) die_shared(m, path, &h[i], j - i);
         for (size_t k = i; k < j; k++) {
             const half_edge *e = &h[k];
             const uint32_t *t = m->t[e->triangle];
@@ -183,48 +193,57 @@ static void pair_triangles(const mesh *m, const char *path, uint32_t (*neighbour
     free(h);
 }
 
-/* Whether both triangles run along a common edge in the same direction, so that one is inside out.
- */
-static bool share_direction(const uint32_t s[3], const uint32_t t[3]) {
-    for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) {
-            if (s[i] == t[k] && s[(i + 1) % 3] == t[(k + 1) % 3]) return true;
+uint32_t mesh_orient(mesh *m) {
+    const size_t total = 3 * (size_t)m->triangles;
+    half_edge *h = mesh_half_edges(m);
+    uint32_t *beside = allocate(total, sizeof *beside),
+             *queue = allocate(m->triangles, sizeof *queue), parts = 0;
+    bool *alike = allocate(total, sizeof *alike); /* the two run along the edge in one direction */
+    bool *seen = allocate(m->triangles, sizeof *seen),
+         *turned = allocate(m->triangles, sizeof *turned);
+    memset(beside, 0xff, total * sizeof *beside);
+    for (size_t i = 0, j; i < total; i = j) {
+        j = half_edge_run_end(h, i, total);
+        for (size_t s = i; s < j && j == i + 2; s++) {
+            const size_t side = 3 * (size_t)h[s].triangle + h[s].corner;
+            beside[side] = h[s == i ? i + 1 : i].triangle;
+            alike[side] = h[i].forward == h[i + 1].forward;
         }
     }
-    return false;
+    for (uint32_t first = 0; first < m->triangles; first++) {
+        uint32_t head = 0, tail = 0;
+        if (seen[first]) continue;
+        parts++;
+        seen[queue[tail++] = first] = true;
+        while (head < tail) {
+            const uint32_t t = queue[head++];
+            for (size_t side = 3 * (size_t)t; side < 3 * (size_t)t + 3; side++) {
+                const uint32_t next = beside[side];
+                if (next == NONE || seen[next]) continue;
+                turned[next] = turned[t] != alike[side];
+                seen[queue[tail++] = next] = true;
+            }
+        }
+    }
+    for (uint32_t t = 0; t < m->triangles; t++) {
+        if (turned[t]) flip(m->t[t]);
+    }
+    void *owned[] = {h, beside, queue, alike, seen, turned};
+    for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
+    return parts;
 }
 
-/* Orients every triangle like triangle 0; exits unless all are reached. */
-static void orient(mesh *m, const char *path, uint32_t (*neighbour)[3]) {
-    uint32_t *queue = allocate(m->triangles, sizeof *queue);
-    bool *seen = allocate(m->triangles, sizeof *seen);
-    uint32_t head = 0, tail = 0;
-    queue[tail++] = 0;
-    seen[0] = true;
-    while (head < tail) {
-        uint32_t i = queue[head++];
-        for (int k = 0; k < 3; k++) {
-            uint32_t j = neighbour[i][k];
-            if (seen[j]) continue;
-            if (share_direction(m->t[i], m->t[j])) flip(m->t[j]);
-            seen[j] = true;
-            queue[tail++] = j;
-        }
+static _Noreturn void die_of_parts(const mesh *m, const char *path) {
+    mesh_components c = mesh_find_components(m);
+    if (c.count > 1) {
+        mesh_refuse_cavities(m, &c, path);
+        die(EXIT_WORK,
+            "%s: the mesh has several components: %" PRIu32 ", of %" PRIu32 " and %" PRIu32
+            " triangles%s: keep one by --largest or --component N, or bake --each",
+            path, c.count, c.triangles[0], c.triangles[1], c.count > 2 ? ", .." : "");
     }
-    if (tail < m->triangles) {
-        mesh_components c = mesh_find_components(m);
-        if (c.count > 1) {
-            mesh_refuse_cavities(m, &c, path);
-            die(EXIT_WORK,
-                "%s: the mesh has several components: %" PRIu32 ", of %" PRIu32 " and %" PRIu32
-                " triangles%s: keep one by --largest or --component N, or bake --each",
-                path, c.count, c.triangles[0], c.triangles[1], c.count > 2 ? ", .." : "");
-        }
-        die(EXIT_WORK, "%s: the mesh has several components that touch in a vertex: split it there",
-            path);
-    }
-    free(queue);
-    free(seen);
+    die(EXIT_WORK, "%s: the mesh has several components that touch in a vertex: split it there",
+        path);
 }
 
 static void require_oriented(const mesh *m, const char *path) {
@@ -323,8 +342,8 @@ void mesh_require_closed(mesh *m, const char *path) {
     require_sound_triangles(m, path);
     uint32_t(*neighbour)[3] = allocate(m->triangles, sizeof *neighbour);
     pair_triangles(m, path, neighbour);
-    orient(m, path, neighbour);
     free(neighbour);
+    if (mesh_orient(m) > 1) die_of_parts(m, path);
     require_oriented(m, path);
     require_manifold_vertices(m, path);
     const double volume = volume_from(m, m->x[0]), size = mesh_diagonal(m);
@@ -481,11 +500,22 @@ void mesh_nodal(const mesh *m, double *area, double (*normal)[3]) {
     for (uint32_t i = 0; i < m->vertices; i++) v_normalize(normal[i]);
 }
 
+void mesh_unit_normal(const mesh *m, uint32_t triangle, double n[3]) {
+    const uint32_t *t = m->t[triangle];
+    triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
+    v_normalize(n);
+}
+
+double mesh_triangle_angle_deg(const mesh *m, uint32_t triangle) {
+    double smallest = 180;
+    for (int k = 0; k < 3; k++)
+        smallest = fmin(smallest, corner_angle(m, triangle, k) * 57.29577951308232);
+    return smallest;
+}
+
 double mesh_smallest_angle_deg(const mesh *m) {
     double smallest = 180;
-    for (uint32_t i = 0; i < m->triangles; i++) {
-        for (int k = 0; k < 3; k++)
-            smallest = fmin(smallest, corner_angle(m, i, k) * 57.29577951308232);
-    }
+    for (uint32_t i = 0; i < m->triangles; i++)
+        smallest = fmin(smallest, mesh_triangle_angle_deg(m, i));
     return smallest;
 }

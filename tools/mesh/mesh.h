@@ -56,6 +56,16 @@ size_t half_edge_run_end(const half_edge *h, size_t i, size_t count);
 /* Whether two vertices have an edge among all sides of a mesh, sorted. */
 bool half_edge_exists(const half_edge *h, size_t count, uint32_t a, uint32_t b);
 
+/* The corner of its triangle that a side faces. */
+uint32_t half_edge_facing(const mesh *m, const half_edge *side);
+
+/* A vertex in the middle of an edge; m->x has room for `room`. */
+uint32_t mesh_add_middle(mesh *m, size_t *room, const half_edge *side);
+
+/* Makes neighbours over edges of two triangles run alike, each part like its first triangle (a
+ * one-sided part stays so somewhere); returns how many parts those edges join the mesh to. */
+uint32_t mesh_orient(mesh *m);
+
 /* Cuts a triangle at vertex `at` on its side from `corner` to the next; the half behind it is added
  * at the end of m->t, which has room for `room`. */
 void mesh_cut_side(mesh *m, size_t *room, const half_edge *side, uint32_t at);
@@ -99,6 +109,8 @@ double mesh_mean_edge(const mesh *m);
 double mesh_longest_edge(const mesh *m, uint32_t triangle);
 /* Integral of each vertex' hat function (MR 4) and the angle-weighted outward unit normals. */
 void mesh_nodal(const mesh *m, double *area, double (*normal)[3]);
+void mesh_unit_normal(const mesh *m, uint32_t triangle, double n[3]);
+double mesh_triangle_angle_deg(const mesh *m, uint32_t triangle); /* its smallest */
 double mesh_smallest_angle_deg(const mesh *m);
 
 #endif

@@ -43,13 +43,8 @@ static bool pair_around(const mesh *m, const half_edge *side, size_t count,
     v_sub(m->x[side->high], m->x[side->low], d);
     v_normalize(d);
     for (size_t i = 0; i < count; i++) {
-        const uint32_t *t = m->t[side[i].triangle];
-        uint32_t facing = t[0];
-        for (int k = 1; k < 3; k++) {
-            if (facing == side->low || facing == side->high) facing = t[k];
-        }
         double r[3];
-        v_sub(m->x[facing], m->x[side->low], r);
+        v_sub(m->x[half_edge_facing(m, &side[i])], m->x[side->low], r);
         double along = v_dot(r, d);
         for (int k = 0; k < 3; k++) r[k] -= along * d[k];
         if (i == 0) {
@@ -123,10 +118,6 @@ static uint32_t double_vertices(mesh *m) {
     return added;
 }
 
-static uint32_t facing_corner(const mesh *m, const half_edge *side) {
-    return m->t[side->triangle][(side->corner + 2) % 3];
-}
-
 /* Where both ends of an edge have one fan, no doubling tells its pairs apart: each gets a vertex of
  * its own in the middle. One edge of a triangle at a time; returns how many vertices were added. */
 static uint32_t add_middles(mesh *m) {
@@ -143,18 +134,14 @@ static uint32_t add_middles(mesh *m) {
         if (!free_to_cut || !pair_around(m, &side[i], j - i, pair)) continue;
         for (size_t k = 0; k < (j - i) / 2; k++) /* a fold: its halves would be folds again */
             free_to_cut =
-                free_to_cut && facing_corner(m, pair[k][0]) != facing_corner(m, pair[k][1]);
+                free_to_cut && half_edge_facing(m, pair[k][0]) != half_edge_facing(m, pair[k][1]);
         if (!free_to_cut) continue;
         for (size_t k = 0; k < (j - i) / 2; k++) {
-            m->x = grow(m->x, &vertex_room, m->vertices + 1u, sizeof *m->x);
-            double *x = m->x[m->vertices];
-            for (int axis = 0; axis < 3; axis++)
-                x[axis] = (m->x[side[i].low][axis] + m->x[side[i].high][axis]) / 2;
+            const uint32_t middle = mesh_add_middle(m, &vertex_room, &side[i]);
             for (int s = 0; s < 2; s++) {
                 changed[pair[k][s]->triangle] = true;
-                mesh_cut_side(m, &room, pair[k][s], m->vertices);
+                mesh_cut_side(m, &room, pair[k][s], middle);
             }
-            m->vertices++;
         }
     }
     free(side);

@@ -3,7 +3,7 @@
  * Surfaces that touch themselves: an edge with four triangles or more, a vertex with several fans.
  * Around such an edge each two triangles that bound the same piece of the solid belong together;
  * vertices are doubled until every edge has two triangles and every vertex one fan. An edge whose
- * pairs hang together at both ends is cut in its middle first.
+ * pairs are joined at both ends is cut in its middle first.
  */
 #ifndef PALP_TOOLS_MESHSPLIT_H
 #define PALP_TOOLS_MESHSPLIT_H

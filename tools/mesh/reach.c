@@ -13,24 +13,6 @@
 #define RIM_SPACINGS 0.2     /* of the mesh: nearer is near enough */
 #define RIM_TOLERANCE 0.0015 /* over the diagonal */
 
-static void unit_normal(const mesh *m, uint32_t triangle, double n[3]) {
-    const uint32_t *t = m->t[triangle];
-    triangle_normal(m->x[t[0]], m->x[t[1]], m->x[t[2]], n);
-    v_normalize(n);
-}
-
-/* Whether a triangle faces against the sum of its three neighbours, as find_bad has it. */
-static bool is_flipped(const mesh *m, const uint32_t *across, uint32_t triangle) {
-    double n[3], sum = 0;
-    unit_normal(m, triangle, n);
-    for (size_t k = 0; k < 3; k++) {
-        double beside[3];
-        unit_normal(m, across[3 * (size_t)triangle + k], beside);
-        sum += v_dot(n, beside);
-    }
-    return sum < 0;
-}
-
 typedef struct {
     double angle_deg; /* the smallest */
     uint32_t flipped; /* or folded */
@@ -44,8 +26,8 @@ static bool is_folded(const reach *r, uint32_t triangle) {
         middle[k] =
             (m->x[m->t[triangle][0]][k] + m->x[m->t[triangle][1]][k] + m->x[m->t[triangle][2]][k]) /
             3;
-    unit_normal(m, triangle, n);
-    unit_normal(r->original, bvh_triangle(r->on, middle), there);
+    mesh_unit_normal(m, triangle, n);
+    mesh_unit_normal(r->original, bvh_triangle(r->on, middle), there);
     return v_dot(n, there) < 0;
 }
 
@@ -96,14 +78,13 @@ static star_shape shape_around(const reach *r, const kept_star *k) {
     }
     const uint32_t around = set.count;
     for (uint32_t i = 0; i < around; i++) {
-        mesh one = {.vertices = m->vertices, .triangles = 1, .x = m->x, .t = m->t + set.list[i]};
-        s.angle_deg = fmin(s.angle_deg, mesh_smallest_angle_deg(&one));
+        s.angle_deg = fmin(s.angle_deg, mesh_triangle_angle_deg(m, set.list[i]));
         s.flipped += r->folds && is_folded(r, set.list[i]) ? 1 : 0;
         for (size_t side = 0; side < 3; side++)
-            include(&set, r->across[3 * (size_t)set.list[i] + side]);
+            include(&set, r->f->across[3 * (size_t)set.list[i] + side]);
     }
     for (uint32_t i = 0; i < set.count; i++)
-        s.flipped += is_flipped(m, r->across, set.list[i]) ? 1 : 0;
+        s.flipped += fit_is_flipped(m, r->f->across, set.list[i]) ? 1 : 0;
     return s;
 }
 
@@ -159,7 +140,6 @@ reach reach_begin(const fit *f, const mesh *original) {
     reach r = {.f = f,
                .original = original,
                .on = bvh_build(original),
-               .across = mesh_across(f->m),
                .held = allocate(f->m->vertices, sizeof *r.held),
                .before = allocate(f->m->vertices, sizeof *r.before)};
     memcpy(r.before, f->m->x, f->m->vertices * sizeof *r.before);
@@ -170,7 +150,7 @@ reach reach_begin(const fit *f, const mesh *original) {
 void reach_end(reach *r) {
     undo_crossings(r->f, r->before);
     bvh_free(r->on);
-    void *owned[] = {r->across, r->offset, r->star, r->held, r->before};
+    void *owned[] = {r->offset, r->star, r->held, r->before};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
 }
 
@@ -182,7 +162,7 @@ void reach_rims(const reach *r) {
     miss *list = allocate(original->vertices, sizeof *list);
     uint8_t *tried = allocate(f->m->vertices, 1);
     uint32_t count = 0;
-    for (int round = 0; round < RIM_ROUNDS && (round == 0 || count > 0); round++) {
+    for (int round = 0; round < RIM_ROUNDS; round++) {
         uint32_t taken = 0;
         count = fit_misses(f, original, tolerance, list, count);
         memset(tried, 0, f->m->vertices);

@@ -12,9 +12,9 @@ typedef struct {
     bool
         folds; /* moves must not turn a triangle against the original's own: not for scanned surfaces,
                    whose triangles face anywhere */
-    uint32_t *across, *offset, *star; /* triangles beyond each side, around each vertex */
-    bool *held;                       /* vertices that stay where they are */
-    double (*before)[3];              /* where they were at the beginning */
+    uint32_t *offset, *star; /* triangles around each vertex */
+    bool *held;              /* vertices that stay where they are */
+    double (*before)[3];     /* where they were at the beginning */
 } reach;
 
 reach reach_begin(const fit *f, const mesh *original);

@@ -9,10 +9,6 @@
 #define TURNS 60    /* of turning after each */
 #define MARGIN 1e-9 /* by which the cotangents must ask for it */
 
-static uint32_t facing(const mesh *m, const half_edge *side) {
-    return m->t[side->triangle][(side->corner + 2) % 3];
-}
-
 /* Cotangent of the angle at c that faces a-b; large for a needle. */
 static double cotangent(const mesh *m, uint32_t a, uint32_t b, uint32_t c) {
     double p[3], q[3], n[3];
@@ -49,8 +45,8 @@ static uint32_t turn_edges(mesh *m, double flat) {
         const uint32_t one = h[i].triangle, other = h[i + 1].triangle;
         if (changed[one] || changed[other]) continue;
         const half_edge *forward = h[i].forward ? &h[i] : &h[i + 1];
-        const uint32_t a = h[i].low, b = h[i].high, c = facing(m, forward),
-                       d = facing(m, h[i].forward ? &h[i + 1] : &h[i]);
+        const uint32_t a = h[i].low, b = h[i].high, c = half_edge_facing(m, forward),
+                       d = half_edge_facing(m, h[i].forward ? &h[i + 1] : &h[i]);
         if (c == d || !should_turn(m, a, b, c, d, flat) || half_edge_exists(h, total, c, d))
             continue;
         const uint32_t first[3] = {c, d, b}, second[3] = {d, c, a};
@@ -88,14 +84,11 @@ static uint32_t halve_edges(mesh *m, double longest) {
     for (size_t k = 0; k < count; k++) {
         const half_edge *side = &h[(size_t)order[k][1]];
         if (changed[side[0].triangle] || changed[side[1].triangle]) continue;
-        m->x = grow(m->x, &vertex_room, m->vertices + 1u, sizeof *m->x);
-        for (int axis = 0; axis < 3; axis++)
-            m->x[m->vertices][axis] = 0.5 * (m->x[side->low][axis] + m->x[side->high][axis]);
+        const uint32_t middle = mesh_add_middle(m, &vertex_room, side);
         for (int s = 0; s < 2; s++) {
-            mesh_cut_side(m, &room, &side[s], m->vertices);
+            mesh_cut_side(m, &room, &side[s], middle);
             changed[side[s].triangle] = true;
         }
-        m->vertices++;
         halved++;
     }
     free(h);

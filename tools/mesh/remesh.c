@@ -82,6 +82,8 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *fa
     }
     free(point);
     mesh_rings(&m, &f.offset, &f.ring);
+    uint32_t *across = mesh_across(&m);
+    f.across = across;
     f.pinned = allocate(m.vertices, sizeof *f.pinned);
     for (uint32_t v = 0; v < s->base.vertices; v++) f.pinned[v] = true;
     for (int step = 0; step < relax_steps; step++) fit_relax_all(&f);
@@ -91,6 +93,7 @@ static mesh draw_levels(const simplified *s, const mesh *original, const bvh *fa
     reach_creases(&r);
     reach_rims(&r);
     reach_end(&r);
+    free(across);
     free(f.pinned);
     free(f.offset);
     free(f.ring);
@@ -205,7 +208,7 @@ static bool better(const remesh_report *a, const remesh_report *b) {
 mesh remesh(mesh *in, const char *path, uint32_t levels, uint32_t base_triangles,
             remesh_report *report) {
     static const uint32_t targets[] = {64, 80, 96, 128, 160, 220, 300, 420, 640, 960, 1400};
-    enum { USUAL = 8 }; /* more only where none of these gave a mesh */
+    enum { USUAL = 8 }; /* more only where all of these leave triangles flipped */
     size_t tries = base_triangles > 0 ? 1 : sizeof targets / sizeof targets[0];
     remesh_report r = {0}, best_report = {.flipped = UINT32_MAX, .max = HUGE_VAL};
     mesh best = {0};

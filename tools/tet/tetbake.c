@@ -351,7 +351,6 @@ uint8_t *tet_bake(const tet_model *t, const body_spec *body, const char *save_me
         surface =
             body->as_is ? body_mesh(body) : mesh_load_as(source, &body->choice, HOLES_REMESHED);
         if (!body->as_is) require_near_origin(surface.x, surface.vertices, source);
-        (void)mesh_drop_unused(&surface);
         mesh_require_closed(&surface, source);
         if (!body->as_is) mesh_warn_of_size(&surface, source);
         on = bvh_build(&surface);
