@@ -54,6 +54,36 @@ palp_frame palp_frame_turn(palp_vec3 axis, palp_vec3 origin, float angle_rad) {
     return f;
 }
 
+palp_vec3 palp_turn_between(const float from[9], const float to[9]) {
+    float r[9]; /* to from^T */
+    for (uint32_t i = 0; i < 3u; i++) {
+        for (uint32_t j = 0; j < 3u; j++)
+            r[3u * i + j] = palp_dot(palp_vec3_at(to + 3u * i), palp_vec3_at(from + 3u * j));
+    }
+    const palp_vec3 twice = {r[7] - r[5], r[2] - r[6], r[3] - r[1]}; /* sine, along the axis */
+    const float sine = 0.5f * palp_norm(twice), cosine = 0.5f * (r[0] + r[4] + r[8] - 1.0f);
+    const float angle = palp_atan2(sine, cosine);
+    if (sine > 1e-3f || cosine > 0.0f)
+        return palp_scale(sine > 1e-12f ? 0.5f * angle / sine : 0.5f, twice);
+    uint32_t k = r[0] >= r[4] && r[0] >= r[8] ? 0u : r[4] >= r[8] ? 1u : 2u; /* about a half turn */
+    const float half[3] = {0.5f * (r[k] + r[3u * k]), 0.5f * (r[3u + k] + r[3u * k + 1u]),
+                           0.5f * (r[6u + k] + r[3u * k + 2u])};
+    palp_vec3 axis = {half[0] + (k == 0u ? 1.0f : 0.0f), half[1] + (k == 1u ? 1.0f : 0.0f),
+                      half[2] + (k == 2u ? 1.0f : 0.0f)};
+    if (palp_dot(axis, twice) < 0.0f) axis = palp_scale(-1.0f, axis);
+    return palp_scale(angle / palp_norm(axis), axis);
+}
+
+void palp_turn_by(palp_vec3 turn_rad, const float r[9], float out[9]) {
+    const float angle = palp_norm(turn_rad);
+    const palp_vec3 x = {1.0f, 0.0f, 0.0f}, origin = {0.0f, 0.0f, 0.0f};
+    const palp_vec3 axis = angle > 0.0f ? palp_scale(1.0f / angle, turn_rad) : x;
+    palp_frame turn = palp_frame_turn(axis, origin, angle), of = {.t = origin};
+    for (uint32_t e = 0; e < 9u; e++) of.r[e] = r[e];
+    of = palp_frame_compose(&turn, &of);
+    for (uint32_t e = 0; e < 9u; e++) out[e] = of.r[e];
+}
+
 float palp_frame_distance(const palp_frame *a, const palp_frame *b, float length_m) {
     float most = palp_norm(palp_sub(a->t, b->t)) / length_m;
     for (uint32_t e = 0; e < 9; e++) most = palp_max(most, palp_abs(a->r[e] - b->r[e]));

@@ -13,6 +13,11 @@ typedef struct {
 #define PALP_FRAME_IDENTITY                                                                        \
     ((palp_frame){{1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 0.0f}})
 
+/* A force, and the moment about a point that goes with it. */
+typedef struct {
+    palp_vec3 force_N, moment_Nm;
+} palp_wrench;
+
 static inline palp_vec3 palp_rotate(const float r[9], palp_vec3 v) {
     const palp_vec3 out = {palp_dot(palp_vec3_at(r), v), palp_dot(palp_vec3_at(r + 3), v),
                            palp_dot(palp_vec3_at(r + 6), v)};
@@ -41,6 +46,19 @@ static inline void palp_tangents(palp_vec3 n, palp_vec3 tangent[2]) {
     const palp_vec3 t = palp_cross(n, palp_abs(n.x) < 0.6f ? x : y);
     tangent[0] = palp_scale(1.0f / palp_norm(t), t);
     tangent[1] = palp_cross(n, tangent[0]);
+}
+
+/* The turn that takes one to the other, as a vector: its axis times its angle, up to pi. */
+palp_vec3 palp_turn_between(const float from[9], const float to[9]);
+
+/* r turned by a vector of rotation. */
+void palp_turn_by(palp_vec3 turn_rad, const float r[9], float out[9]);
+
+/* A frame at rest in a place. */
+static inline palp_frame palp_frame_at(palp_vec3 t) {
+    palp_frame f = PALP_FRAME_IDENTITY;
+    f.t = t;
+    return f;
 }
 
 /* Whether r is a rotation, to 1 %: finite, orthonormal, and no reflection. */

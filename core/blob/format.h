@@ -140,6 +140,9 @@ typedef enum {
     PALP_SEC_SKIN_NORMAL = 786,          /* f32[skin][3] */
     PALP_SEC_SKIN_TET = 787,             /* u32[skin][levels] that each vertex is embedded in */
     PALP_SEC_SKIN_WEIGHT = 788,          /* f32[skin][levels][4] */
+    /* A rigid tool. */
+    PALP_SEC_TOOL = 896,        /* palp_tool_meta */
+    PALP_SEC_TOOL_SAMPLE = 897, /* i16[count[2]][count[1]][count[0]] */
 } palp_section;
 
 #define PALP_MAX_ZONES 32u
@@ -272,6 +275,22 @@ typedef struct {
     float volume_m3; /* positive */
     uint32_t unused[2];
 } palp_tet;
+
+/* ---- tools ---- */
+
+/* A signed distance field (core/contact/tool_field.h), in the tool's own axes. */
+typedef struct {
+    uint32_t count[3]; /* samples, each 4 to 1,024 */
+    uint32_t flags;    /* 0 */
+    float origin_m[3]; /* of the first sample */
+    float step_m, unit_m, radius_m;
+    float size_m;      /* radius of the largest ball inside */
+    float error_max_m; /* of the distance on the surface, measured by bake */
+    uint8_t mesh_sha256[32];
+    uint32_t reserved[12];
+} palp_tool_meta;
+
+PALP_STATIC_ASSERT(sizeof(palp_tool_meta) == 128, "tool meta layout");
 
 PALP_STATIC_ASSERT(sizeof(palp_tet_node) == 36 && sizeof(palp_tet) == 64, "no padding");
 

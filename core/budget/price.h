@@ -13,6 +13,7 @@
     X(BALL, "ball", "one ball of a tool evaluated at a node")                                      \
     X(PAD, "pad", "a pad evaluated")                                                               \
     X(CYLINDER, "cylinder", "a cylinder evaluated")                                                \
+    X(FIELD, "field", "a distance field evaluated")                                                \
     X(ROOM, "room", "one contact point compared to make room")                                     \
     X(ROW, "row", "a row of W^-1 begun")                                                           \
     X(ROW_WORD, "row_word", "one word of marks scanned")                                           \

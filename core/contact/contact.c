@@ -13,6 +13,7 @@
 #define NEAR 0.02f
 #define FAR 0.1f
 #define PAIR_SIZE 2.0f   /* of zones that touch, in place of a tool's: edges */
+#define LARGEST_TURN 1.0f /* rad, of a tool on its spring */
 #define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
 
 /* ---- filling ---- */
@@ -53,13 +54,17 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     const float energy = palp_contact_energy(c, patch->normal_N);
     if (!(energy > 0.0f)) return 0.0f;
     if (patch->tool == PALP_CONTACT_TOOLS) return 1.0f; /* where zones meet goes with them */
-    palp_vec3 moved = palp_sub(patch->tool_m, c->rest_m[patch->tool]);
-    moved = palp_sub(moved, palp_contact_carried(c, patch->tool));
-    palp_vec3 force = palp_add(patch->push_N, c->beyond_N[patch->tool]);
-    return palp_clamp(1.0f - 0.6f * palp_dot(force, moved) / energy, LEAST_SHARE, MOST_SHARE);
+    const uint32_t t = patch->tool;
+    palp_vec3 moved = palp_sub(patch->at.t, c->rest[t].t);
+    moved = palp_sub(moved, palp_contact_carried(c, t));
+    const palp_vec3 force = palp_add(patch->push_N, c->beyond_N[t]);
+    const palp_vec3 moment = palp_add(patch->push_Nm, c->beyond_Nm[t]);
+    const float work = palp_dot(force, moved) +
+                       palp_dot(moment, palp_turn_between(c->rest[t].r, patch->at.r));
+    return palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
 }
 
-void palp_contact_begin(palp_contact *c, const palp_vec3 *tool_m,
+void palp_contact_begin(palp_contact *c, const palp_frame *at,
                         const palp_contact_spring *spring) {
     const float cells = (float)c->level.cells;
     c->level = palp_contact_level_at(c, c->now);
@@ -74,7 +79,7 @@ void palp_contact_begin(palp_contact *c, const palp_vec3 *tool_m,
     c->filling = c->fillings = c->first = c->runs = c->sides = 0;
     c->approached = false;
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        c->patch[t].tool_m = tool_m[t];
+        c->patch[t].at = at[t];
         c->spring[t] = spring[t];
     }
     palp_contact_choose_patches(c);
@@ -127,7 +132,7 @@ static palp_far_field far_field_for(const palp_contact *c, const palp_contact_pa
     palp_far_field g = palp_far_field_times(&patch->far_field, c->far_share);
     if (c->assembly != NULL) g = together(g, &patch->bent);
     if (!(c->forward > 0.0f) || patch->tool == PALP_CONTACT_TOOLS) return g;
-    palp_vec3 pull = palp_sub(c->spring[patch->tool].held_m, patch->tool_m);
+    palp_vec3 pull = palp_sub(c->spring[patch->tool].held.t, patch->at.t);
     float most = c->forward * palp_tool_size(&c->tools[patch->tool]), length = palp_norm(pull);
     if (length > most) pull = palp_scale(most / length, pull);
     g.mean_m = palp_sub(g.mean_m, pull);
@@ -181,7 +186,7 @@ bool palp_contact_fill(palp_contact *c) {
         .reach_m =
             pair ? PALP_CONTACT_PAIR_REACH / PAIR_SIZE * size_of(c, patch) : reach_of(c, tool),
         .number = c->filling,
-        .tool_m = patch->tool_m,
+        .at = patch->at,
         .cells = (float)c->level.cells * c->crowd,
         .far_field = far_field_for(c, patch),
         .load = c->far_load,
@@ -225,15 +230,20 @@ bool palp_contact_fill(palp_contact *c) {
 static void assemble_row(palp_contact *c, uint32_t i) {
     const palp_contact_point *p = &c->point[i];
     const palp_contact_patch *patch = &c->patch[p->patch];
-    float give = 0.0f;
-    if (patch->tool < c->tool_count && c->spring[patch->tool].stiffness_N_per_m > 0.0f)
-        give = 1.0f / c->spring[patch->tool].stiffness_N_per_m;
+    float give = 0.0f, turn = 0.0f;
+    if (patch->tool < c->tool_count) {
+        const palp_contact_spring *s = &c->spring[patch->tool];
+        if (s->stiffness_N_per_m > 0.0f) give = 1.0f / s->stiffness_N_per_m;
+        if (s->stiffness_Nm_per_rad > 0.0f) turn = 1.0f / s->stiffness_Nm_per_rad;
+    }
     float *row = c->g + (size_t)i * c->room;
     palp_contact_compliance_row(c, i, row);
     for (uint32_t j = 0; j <= i; j++) {
         const palp_contact_point *q = &c->point[j];
         const palp_contact_patch *of = &c->patch[q->patch];
-        if (of->tool == patch->tool && give > 0.0f) row[j] += give * palp_dot(p->out, q->out);
+        const bool same = of->tool == patch->tool;
+        if (same && give > 0.0f) row[j] += give * palp_dot(p->out, q->out);
+        if (same && turn > 0.0f) row[j] += turn * palp_dot(p->arm_m, q->arm_m);
         c->g[(size_t)j * c->room + i] = row[j];
     }
 }
@@ -322,7 +332,7 @@ static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t 
         const uint32_t i = c->active[a], other = c->other_side[i];
         const palp_contact_point *p = &c->point[i];
         if (p->patch != k) continue;
-        palp_vec3 y = palp_sub(p->y, patch->tool_m);
+        palp_vec3 y = palp_sub(p->y, patch->at.t);
         palp_vec3 h = at_corners(c, i, &p->at, c->node_u_m), b = {0};
         if (c->assembly != NULL) b = at_corners(c, i, &p->at, c->node_bent_m);
         h = palp_contact_outward(c, p->at.body, h);
@@ -337,12 +347,12 @@ static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t 
         palp_far_field_add(&far_field, p->force_N, y, h, p->cell_m);
         palp_far_field_add(&bent, p->force_N, y, b, p->cell_m);
     }
-    patch->far_field = palp_far_field_fit(&far_field, patch->tool_m);
+    patch->far_field = palp_far_field_fit(&far_field, patch->at.t);
     const float size = size_of(c, patch);
     if (!(far_field.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
         patch->far_field.fade = 16.0f / (size * size);
     if (far_field.weight > 0.0f && c->assembly != NULL)
-        patch->bent = palp_far_field_fit(&bent, patch->tool_m);
+        patch->bent = palp_far_field_fit(&bent, patch->at.t);
 }
 
 /*
@@ -352,8 +362,8 @@ static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t 
  * solution as it is now, and moves a tool on a soft spring. Within a cell of the lattice the force
  * may turn round. So where it could move the tool by a cell, it is followed slowly as well.
  */
-static float response(const palp_contact *c, uint32_t t, float most_N) {
-    const float near = palp_norm(c->beyond_N[t]) / palp_max(most_N, 1e-30f);
+static float response(const palp_contact *c, uint32_t t, palp_vec3 beyond_N, float most_N) {
+    const float near = palp_norm(beyond_N) / palp_max(most_N, 1e-30f);
     const float steady = 1.0f / (1.0f + STEADY * near * near);
     const float k = c->spring[t].stiffness_N_per_m;
     const float cell = palp_contact_cell(c, t);
@@ -371,6 +381,7 @@ static void take_forces(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) {
         c->patch[k].normal_N = 0.0f;
         c->patch[k].push_N = c->patch[k].beyond_N = (palp_vec3){0};
+        c->patch[k].push_Nm = c->patch[k].beyond_Nm = (palp_vec3){0};
     }
     for (uint32_t i = 0; i < c->count; i++) c->point[i].force_N = 0.0f;
     for (uint32_t a = 0; a < c->active_count; a++) {
@@ -379,6 +390,7 @@ static void take_forces(palp_contact *c) {
         p->force_N = palp_max(c->lambda[a], 0.0f);
         patch->normal_N += p->force_N;
         patch->push_N = palp_madd(patch->push_N, -p->force_N, p->out);
+        patch->push_Nm = palp_madd(patch->push_Nm, -p->force_N, p->arm_m);
         if (patch->tool < c->tool_count) c->normal_N[patch->tool] += p->force_N;
     }
 }
@@ -403,18 +415,54 @@ static void take_displacements(palp_contact *c) {
     }
 }
 
-/* The force on a tool, and where it comes to rest. */
-static void end_tool(palp_contact *c, uint32_t t) {
+/* Where the force on a tool acts, from its reference point: the middle of its points. */
+static palp_vec3 middle_of(const palp_contact *c, uint32_t t) {
+    palp_vec3 sum = {0};
+    for (uint32_t a = 0; a < c->active_count; a++) {
+        const palp_contact_point *p = &c->point[c->active[a]];
+        if (p->patch == t) sum = palp_madd(sum, p->force_N, palp_sub(p->y, c->patch[t].at.t));
+    }
+    return palp_scale(1.0f / palp_max(c->normal_N[t], 1e-30f), sum);
+}
+
+/* What of the moment beyond - sum lambda r is believed: that of the force that is believed, and of
+ * the rest no more than of the force, at the arm of the tool's size. */
+static palp_vec3 moment_beyond(const palp_contact *c, uint32_t t, palp_vec3 believed_N,
+                               float most_N) {
+    const palp_vec3 at = middle_of(c, t);
+    const palp_vec3 couple =
+        palp_sub(c->patch[t].beyond_Nm, palp_cross(at, c->patch[t].beyond_N));
+    return palp_add(palp_cross(at, believed_N),
+                    palp_contact_at_most(couple, most_N * palp_tool_size(&c->tools[t])));
+}
+
+void palp_contact_rest(palp_contact *c, uint32_t t) {
     const palp_contact_spring *s = &c->spring[t];
-    const palp_vec3 push = c->patch[t].push_N, beyond = c->patch[t].beyond_N;
-    const float most = PALP_CONTACT_BEYOND * palp_norm(push);
-    const palp_vec3 before = palp_contact_at_most(c->beyond_N[t], most);
-    c->beyond_N[t] = palp_contact_at_most(beyond, most);
-    if (c->normal_N[t] > 0.0f) c->beyond_N[t] = blend(before, c->beyond_N[t], response(c, t, most));
-    c->force_N[t] = palp_add(push, c->beyond_N[t]);
-    c->rest_m[t] = s->held_m;
+    c->rest[t] = s->held;
     if (s->stiffness_N_per_m > 0.0f)
-        c->rest_m[t] = palp_madd(s->held_m, 1.0f / s->stiffness_N_per_m, c->force_N[t]);
+        c->rest[t].t = palp_madd(s->held.t, 1.0f / s->stiffness_N_per_m, c->force_N[t]);
+    if (s->stiffness_Nm_per_rad > 0.0f) {
+        const palp_vec3 turn = palp_scale(1.0f / s->stiffness_Nm_per_rad, c->moment_Nm[t]);
+        palp_turn_by(palp_contact_at_most(turn, LARGEST_TURN), s->held.r, c->rest[t].r);
+    }
+}
+
+/* The force and the moment on a tool, and where it comes to rest. */
+static void end_tool(palp_contact *c, uint32_t t) {
+    const palp_contact_patch *patch = &c->patch[t];
+    const float most = PALP_CONTACT_BEYOND * palp_norm(patch->push_N);
+    const palp_vec3 before = palp_contact_at_most(c->beyond_N[t], most);
+    palp_vec3 beyond = palp_contact_at_most(patch->beyond_N, most), turning = {0};
+    if (c->normal_N[t] > 0.0f) {
+        const float share = response(c, t, beyond, most);
+        turning = blend(c->beyond_Nm[t], moment_beyond(c, t, beyond, most), share);
+        beyond = blend(before, beyond, share);
+    }
+    c->beyond_N[t] = beyond;
+    c->beyond_Nm[t] = turning;
+    c->force_N[t] = palp_add(patch->push_N, beyond);
+    c->moment_Nm[t] = palp_add(patch->push_Nm, turning);
+    palp_contact_rest(c, t);
 }
 
 void palp_contact_finish(palp_contact *c) {
@@ -431,9 +479,9 @@ void palp_contact_finish(palp_contact *c) {
     for (uint32_t b = 0; b < c->bodies && c->frame != NULL; b++) c->frame_before[b] = c->frame[b];
 }
 
-void palp_contact_solve(palp_contact *contact, const palp_vec3 *tool_m,
+void palp_contact_solve(palp_contact *contact, const palp_frame *at,
                         const palp_contact_spring *spring) {
-    palp_contact_begin(contact, tool_m, spring);
+    palp_contact_begin(contact, at, spring);
     /* at most patches times PALP_LATTICE_FILLINGS */
     while (palp_contact_fill(contact)) {}
     if (palp_contact_points(contact) > 0u) {

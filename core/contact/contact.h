@@ -16,15 +16,20 @@
  *     g_ij = m_i C_ij m_j + m_i m_j / k,   d_i = m_i . u_i - phi_i + m_i . (held - c)
  *
  * where each tool is held by a spring k at `held`: it comes to rest at c = held + F / k, with F the
- * force on it. An active set solves it on Cholesky factors, beginning with last tick's set.
+ * force on it. A spring k_r may hold its directions as well, which then turn by M / k_r, with M the
+ * moment about its reference point; g has r_i . r_j / k_r besides, and d r_i . (turn to held),
+ * with r_i = (y_i + u_i - c) x m_i. An active set solves it on Cholesky factors, beginning with last
+ * tick's set.
  *
- * The elastic energy E = f C f / 2 is a function of the tools' places, and F its exact gradient:
+ * The elastic energy E = f C f / 2 is a function of the tools' places and directions, and F and M
+ * its exact gradient:
  *
  *     F = - sum lambda_i m_i + sum f_i . dy_i/dc + 1/2 f (dC/dc) f
+ *     M = - sum lambda_i r_i + the same of a turn about c
  *
  * The last two belong to the points, not to the body, and vanish as points become more. They are
  * cut off at PALP_CONTACT_BEYOND of the first, which they reach where a tool meets folds or lies in
- * several regions with few points in each; what F then lacks is repaid on the way (repay.h).
+ * several regions with few points in each; what F and M then lack is repaid on the way (repay.h).
  *
  * A multizone model is one body at rest, so C is that of the rest configuration in the zones' own
  * coordinates, which are the model's at rest, and what its seams do differently in this
@@ -92,10 +97,10 @@ typedef struct {
 #define PALP_CONTACT_LOST                                                                          \
     8u /* a point was left out because nothing lies before it, or the way there was too long */
 
-/* A tool on its spring; stiffness 0: it stays at held_m. */
+/* A tool on its springs; stiffness 0: it stays where it is held, or does not turn. */
 typedef struct {
-    palp_vec3 held_m;
-    float stiffness_N_per_m;
+    palp_frame held;
+    float stiffness_N_per_m, stiffness_Nm_per_rad;
 } palp_contact_spring;
 
 /* A tool on all bodies, or a zone on another. */
@@ -104,7 +109,7 @@ typedef struct {
     uint32_t tool;        /* PALP_CONTACT_TOOLS: not a tool, */
     uint32_t body, other; /* but these two zones; points lie on the first */
     uint32_t before;      /* node of the other one near where they meet */
-    palp_vec3 tool_m;     /* where the tool is taken to be; of two zones: where they met, */
+    palp_frame at;        /* where the tool is taken to be; of two zones: where they met, */
     palp_vec3 met_m;      /* and that in the frame of the first */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
@@ -113,8 +118,8 @@ typedef struct {
     palp_far_field bent_field_used; /* what of lattice.used.far_field is that */
     float spacing_before;           /* of the lattice in the last tick */
     float normal_N;                 /* sum of lambda */
-    palp_vec3 push_N;               /* - sum lambda m, where the bodies are */
-    palp_vec3 beyond_N;             /* what the exact force has beyond it */
+    palp_vec3 push_N, push_Nm;      /* - sum lambda m and its moment, where the bodies are */
+    palp_vec3 beyond_N, beyond_Nm;  /* what the exact ones have beyond them */
 } palp_contact_patch;
 
 /* Sides of points that lie on one body, one behind the other. */
@@ -150,12 +155,16 @@ typedef struct {
     bool solved;     /* the last tick was finished */
     bool approached; /* a tool tested nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 rest_m[PALP_CONTACT_TOOLS];        /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];       /* exact, on each tool */
-    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];      /* what of it lies beyond - sum lambda m, */
+    palp_vec3 turn_rad[PALP_CONTACT_TOOLS];      /* from where they are taken to be to `held` */
+    palp_frame rest[PALP_CONTACT_TOOLS];         /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];       /* exact, on each tool, */
+    palp_vec3 moment_Nm[PALP_CONTACT_TOOLS];     /* about its reference point */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];      /* what of them lies beyond - sum lambda m, */
+    palp_vec3 beyond_Nm[PALP_CONTACT_TOOLS];
     palp_vec3 repaid_N[PALP_CONTACT_TOOLS];      /* and what makes up for work not done (repay.h) */
+    palp_vec3 repaid_Nm[PALP_CONTACT_TOOLS];
     float normal_N[PALP_CONTACT_TOOLS];          /* sum of lambda */
-    palp_vec3 held_before_m[PALP_CONTACT_TOOLS]; /* spring.held_m of the last solved tick */
+    palp_frame held_before[PALP_CONTACT_TOOLS];  /* spring.held of the last solved tick */
     float stored_J;                              /* the most that was of late, fading */
     float owed_J;                                /* to the hand */
     float far_share; /* of patch.far_field, that the patch under way is taken to meet */
@@ -245,8 +254,9 @@ palp_vec3 palp_contact_carried(const palp_contact *contact, uint32_t tool);
 /* Forgets all contacts. */
 void palp_contact_clear(palp_contact *contact);
 
-/* A tick with the tools at tool_m[tool_count], held by spring[tool_count]. */
-void palp_contact_begin(palp_contact *contact, const palp_vec3 *tool_m,
+/* A tick with the tools at[tool_count], held by spring[tool_count]; one that no spring turns is at
+ * the directions in which it is held. */
+void palp_contact_begin(palp_contact *contact, const palp_frame *at,
                         const palp_contact_spring *spring);
 /* One filling of one lattice (palp_lattice_fill); false when there is none left to do. */
 bool palp_contact_fill(palp_contact *contact);
@@ -265,7 +275,7 @@ bool palp_contact_iterate(palp_contact *contact);
 void palp_contact_finish(palp_contact *contact);
 
 /* All of them. */
-void palp_contact_solve(palp_contact *contact, const palp_vec3 *tool_m,
+void palp_contact_solve(palp_contact *contact, const palp_frame *at,
                         const palp_contact_spring *spring);
 
 #endif

@@ -29,13 +29,18 @@ static inline palp_vec3 palp_contact_at_most(palp_vec3 v, float most) {
 static inline float palp_contact_cell(const palp_contact *contact, uint32_t tool) {
     const float spacing = contact->patch[tool].lattice.used.spacing;
     const palp_tool *t = &contact->tools[tool];
-    return palp_lattice_is_central(t) ? spacing * palp_tool_size(t) : spacing;
+    return palp_tool_is_ball(t) ? spacing * palp_tool_size(t) : spacing;
 }
 
 /* ---- open.c ---- */
 
 /* A level of this contact's body or zones. */
 palp_contact_level palp_contact_level_at(const palp_contact *contact, uint32_t level);
+
+/* ---- contact.c ---- */
+
+/* Where a tool comes to rest under the force and the moment on it. */
+void palp_contact_rest(palp_contact *contact, uint32_t tool);
 
 /* ---- points.c ---- */
 
@@ -122,8 +127,8 @@ void palp_contact_bond_corners(palp_contact *contact);
 
 /* ---- gradient.c ---- */
 
-/* d/dc (f . y + f C f / 2) of the gathered forces for each patch of a tool, to its beyond_N: what
- * the force on the tool has beyond - sum lambda m. */
+/* d/dc (f . y + f C f / 2) of the gathered forces for each patch of a tool, to its beyond_N, and of a
+ * turn about c to its beyond_Nm: what force and moment on the tool have beyond - sum lambda m. */
 void palp_contact_exact(palp_contact *contact);
 
 #endif

@@ -7,9 +7,12 @@
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
-    if (tool->balls > 0u) return (float)tool->balls * price->of[PALP_WORK_BALL];
-    return tool->cylinder.radius_m > 0.0f ? price->of[PALP_WORK_CYLINDER]
-                                          : price->of[PALP_WORK_PAD];
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER: return price->of[PALP_WORK_CYLINDER];
+    case PALP_TOOL_PAD: return price->of[PALP_WORK_PAD];
+    case PALP_TOOL_FIELD: return price->of[PALP_WORK_FIELD];
+    default: return (float)tool->balls * price->of[PALP_WORK_BALL];
+    }
 }
 
 /* Cells along one axis that a tool's box of half width `reach` may meet. */

@@ -77,7 +77,8 @@ static void take_over(palp_friction *f, uint32_t r, const palp_springs *old, uin
 
 /* The regions of this tick, with the springs of those before. */
 static void track_regions(palp_friction *f, palp_friction_work *w, palp_contact *c, uint32_t tool) {
-    const bool rounded = c->tools[tool].balls > 0u;
+    const palp_tool_shape shape = c->tools[tool].shape;
+    const bool rounded = shape == PALP_TOOL_OF_BALLS || shape == PALP_TOOL_FIELD;
     const uint32_t before = f->regions;
     for (uint32_t k = 0; k < before; k++) {
         w->before[k] = f->region[k];
@@ -146,25 +147,35 @@ static palp_vec3 find_stretch(const system *s, palp_vec3 unheld, float most_N) {
 }
 
 /* The springs as they are now, of a tool that has turned; the most that they carry. */
-static float gather(palp_friction *f, const palp_tool *tool, system *s) {
+static float gather(palp_friction *f, const palp_tool *tool, palp_vec3 turn_rad, system *s) {
     float most_N = 0.0f;
     for (uint32_t k = 0; k < f->regions; k++) {
         palp_springs *r = &f->region[k];
         palp_springs_press(r, palp_springs_depth(r));
         const float mu = palp_springs_coefficient(r, tool);
-        palp_springs_gather(r, mu, f->turn_rad, &s->set[k]);
+        palp_springs_gather(r, mu, turn_rad, &s->set[k]);
         most_N += mu * r->at.normal_N;
     }
     return most_N;
 }
 
+/* At most: nothing slips. */
+static float against_turn(const palp_friction *f, const system *s) {
+    float sum = 0.0f;
+    for (uint32_t k = 0; k < f->regions; k++) {
+        const palp_vec3 arm = f->region[k].at.centre_m;
+        sum += s->set[k].stiffness_Nm + s->set[k].stiffness_N_per_m * palp_dot(arm, arm);
+    }
+    return sum;
+}
+
 void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contact *contact,
-                         uint32_t tool, palp_vec3 rest_m, float stiffness_N_per_m) {
+                         uint32_t tool, const palp_frame *rest, float stiffness_N_per_m) {
     system s = {.of = f,
                 .set = work->set,
                 .soft_m_per_N = stiffness_N_per_m > 0.0f ? 1.0f / stiffness_N_per_m : 0.0f};
     const palp_vec3 before = palp_scale(-1.0f, f->force_N);
-    const palp_vec3 unslowed_m = palp_madd(rest_m, s.soft_m_per_N, before); /* without T */
+    const palp_vec3 unslowed_m = palp_madd(rest->t, s.soft_m_per_N, before); /* without T */
     const bool touched = f->regions > 0u;
     if (contact->normal_N[tool] > 0.0f) track_regions(f, work, contact, tool);
     if (!(contact->normal_N[tool] > 0.0f) || f->regions == 0u) {
@@ -172,10 +183,14 @@ void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contac
         return;
     }
     f->normal_N = contact->normal_N[tool];
-    if (!touched) f->tool_m = unslowed_m;
-    const float most_N = gather(f, &contact->tools[tool], &s);
+    if (!touched) {
+        f->tool = *rest;
+        f->tool.t = unslowed_m;
+    }
+    const palp_vec3 turn = palp_turn_between(f->tool.r, rest->r);
+    const float most_N = gather(f, &contact->tools[tool], turn, &s);
     /* what the springs would be stretched by without force: B P of before is given back */
-    const palp_vec3 unheld = palp_add(palp_sub(unslowed_m, f->tool_m), far_displacement(f, before));
+    const palp_vec3 unheld = palp_add(palp_sub(unslowed_m, f->tool.t), far_displacement(f, before));
     const palp_vec3 by = find_stretch(&s, unheld, most_N);
     palp_springs_pull pull = {.slipping = true};
     for (uint32_t k = 0; k < f->regions; k++) {
@@ -190,22 +205,18 @@ void palp_friction_solve(palp_friction *f, palp_friction_work *work, palp_contac
     f->sticking_N_per_m =
         pull.sticking_N_per_m / (1.0f + 0.5f * (b.xx + b.yy) * pull.sticking_N_per_m);
     f->slipping = pull.slipping;
-    f->turn_rad = (palp_vec3){0};
+    f->sticking_Nm = against_turn(f, &s);
     f->solved_m =
-        palp_add(f->tool_m, palp_add(by, palp_sub(compliant_m, far_displacement(f, before))));
+        palp_add(f->tool.t, palp_add(by, palp_sub(compliant_m, far_displacement(f, before))));
 }
 
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m) {
-    friction->tool_m = palp_add(friction->tool_m, by_m);
+    friction->tool.t = palp_add(friction->tool.t, by_m);
 }
 
-void palp_friction_turn(palp_friction *friction, palp_vec3 by_rad) {
-    friction->turn_rad = palp_add(friction->turn_rad, by_rad);
-}
-
-void palp_friction_settle(palp_friction *f, palp_vec3 tool_m) {
-    const palp_vec3 more = palp_sub(tool_m, f->solved_m);
-    f->tool_m = tool_m;
+void palp_friction_settle(palp_friction *f, const palp_frame *tool) {
+    const palp_vec3 more = palp_sub(tool->t, f->solved_m);
+    f->tool = *tool;
     for (uint32_t k = 0; k < f->regions; k++) palp_springs_move(&f->region[k], more);
 }
 

@@ -26,15 +26,15 @@
 typedef struct {
     palp_vec3 force_N;   /* T, on the tool */
     palp_vec3 moment_Nm; /* and its moment about the tool's reference point */
-    palp_vec3 tool_m;    /* where it was settled */
+    palp_frame tool;     /* where it was settled */
     palp_vec3 solved_m;  /* where it came to rest */
-    palp_vec3 turn_rad;  /* by which the tool has turned since */
     palp_vec3 tangent[2];
     palp_symmetric2 far_m_per_N; /* B, across the force of the contact */
     float normal_N;              /* N, all regions together */
     palp_springs region[PALP_CONTACT_REGIONS];
     uint32_t regions;       /* 0: the tool does not touch */
     float sticking_N_per_m; /* of the contact and the body, by what does not slip */
+    float sticking_Nm;      /* and against a turn of the tool about its reference point, per rad */
     float energy_J;         /* of springs and B */
     bool slipping;          /* everywhere */
 } palp_friction;
@@ -50,23 +50,21 @@ typedef struct {
 void palp_friction_reset(palp_friction *friction);
 
 /*
- * T for a tool of the solved contact that would come to rest at rest_m with the T of before, on a
- * spring (stiffness 0: rigidly held). Cost: four times a^2 (50) and twice 9 modes a, and at most
+ * T for a tool of the solved contact that would come to rest at `rest` with the T of before, on a
+ * spring (stiffness 0: rigidly held). It has turned from where it was settled; what turns it more is
+ * the caller's. Cost: four times a^2 (50) and twice 9 modes a, and at most
  * PALP_FRICTION_STEPS + 2 passes over the springs (50 each).
  */
 void palp_friction_solve(palp_friction *friction, palp_friction_work *work, palp_contact *contact,
-                         uint32_t tool, palp_vec3 rest_m, float stiffness_N_per_m);
+                         uint32_t tool, const palp_frame *rest, float stiffness_N_per_m);
 
 #define PALP_FRICTION_STEPS 6u
 
 /* The body that it is on has moved. */
 void palp_friction_carry(palp_friction *friction, palp_vec3 by_m);
 
-/* The tool has turned by a small vector of rotation, about its reference point. */
-void palp_friction_turn(palp_friction *friction, palp_vec3 by_rad);
-
 /* Once the tool is where it comes to rest. */
-void palp_friction_settle(palp_friction *friction, palp_vec3 tool_m);
+void palp_friction_settle(palp_friction *friction, const palp_frame *tool);
 
 /* Share of a device's motion across the contact that friction which sticks keeps from the tool. */
 float palp_friction_share(const palp_friction *friction, float stiffness_N_per_m);

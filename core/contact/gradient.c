@@ -7,7 +7,9 @@
  *
  * where Q_c moves the lattice with the tool, and p (its axis, origin, spacing, how far behind)
  * follows the overlap by the equations r(c, p) = 0 of lattice.h: dp/dc = - r_p^-1 r_c. An axis that
- * follows slowly, between regions apart, is taken to stay.
+ * follows slowly, between regions apart, is taken to stay. c stands for the tool's place and for its
+ * turn about that: a turn takes a pad's lattice with it, and a ball's by its centre; any other stays
+ * and follows the overlap alone.
  *
  * All this is seen from the surface as the body as a whole has given way, by h (far_field.h), which
  * follows the tool, so only (1 - dh/dc) of the tool's way counts. With the force F along n on a
@@ -15,9 +17,10 @@
  *
  *     dh/dc = h n^T / (h . n + 2 d / 3)
  *
- * as for Hertz' F ~ d^(3/2) in line with a spring that gives way by h . n under F.
+ * as for Hertz' F ~ d^(3/2) in line with a spring that gives way by h . n under F; a turn goes as
+ * deep as its moment does work, M / F.
  *
- * Both are sums over points of how each moves in 3 + PARAMETERS directions: its shot (origin,
+ * Both are sums over points of how each moves in 6 + PARAMETERS directions: its shot (origin,
  * direction), then the facet, the smooth surface, the cell and the overlap.
  */
 #include "core/contact/contact_internal.h"
@@ -87,9 +90,16 @@ static void add_self(const palp_surface *s, const palp_contact_point *p, pull *s
 /* ---- how a point moves ---- */
 
 #define PARAMETERS 6u /* of a lattice: axis 2, origin 2, log of the spacing, how far behind */
-#define MOVES (3u + PARAMETERS)
+#define TURN 3u       /* first turn of the tool, after its translations */
+#define OF_LATTICE 6u /* first of the parameters, after the turns */
+#define MOVES (OF_LATTICE + PARAMETERS)
 
 enum { AXIS = 0, ORIGIN = 2, SPACING = 4, BACK = 5 };
+
+static palp_vec3 unit(uint32_t k) {
+    const palp_vec3 e = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
+    return e;
+}
 
 /* Whether a lattice has that parameter now. */
 static bool is_free(const palp_lattice *l, bool central, bool flat, uint32_t parameter) {
@@ -97,6 +107,15 @@ static bool is_free(const palp_lattice *l, bool central, bool flat, uint32_t par
     if (parameter == SPACING) return true;
     if (parameter >= ORIGIN) return !central;
     return !flat && !l->apart;
+}
+
+/* How the lattice itself turns in a direction: an axis of its own, or with a pad. */
+static palp_vec3 turn_of(const palp_lattice_state *s, bool flat, uint32_t k) {
+    if (k >= OF_LATTICE + AXIS && k < OF_LATTICE + AXIS + 2u)
+        return palp_cross(s->axis, s->tangent[k - OF_LATTICE - AXIS]);
+    if (!flat || k < TURN || k >= OF_LATTICE) return (palp_vec3){0};
+    const palp_vec3 e = unit(k - TURN);
+    return palp_madd(e, -palp_dot(e, s->axis), s->axis);
 }
 
 /* Of a shot: its origin and its direction; explicit part of log(cell). */
@@ -116,6 +135,7 @@ typedef struct {
     float dy_dq[9], dn_dq[9]; /* in the body's frame; the others where it is */
     palp_vec3 facet;          /* over its slant to the shot */
     palp_vec3 out;            /* gradient of the gap with respect to the tool's place */
+    palp_vec3 arm_m;          /* from there to where the gap is measured */
     palp_vec3 out_q;          /* and to q */
     palp_vec3 facing_q;       /* of n . direction */
 } point_slopes;
@@ -150,10 +170,12 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     normal = palp_contact_outward(c, p->at.body, normal);
     z.facet = palp_scale(1.0f / palp_dot(normal, p->direction), normal);
     const palp_far_field *far_field = &l->used.far_field;
-    palp_vec3 at = palp_sub(patch->tool_m, far_field->mean_m);
+    palp_frame at = patch->at;
+    at.t = palp_sub(at.t, far_field->mean_m);
     float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
     palp_vec3 y = palp_add(p->y, palp_far_field_beside(far_field, p->y, &gone));
-    z.out = palp_tool_gap(&c->tools[patch->tool], at, y).normal;
+    z.out = palp_tool_gap(&c->tools[patch->tool], &at, y).normal;
+    z.arm_m = palp_sub(y, at.t);
     z.out_q = where_it_is(
         c, p, z.dy_dq,
         palp_add(z.out, palp_scale(1.0f - gone, palp_far_field_turned_back(far_field, z.out))),
@@ -179,12 +201,14 @@ static point_move move_point(const palp_contact *c, const palp_contact_point *p,
     return d;
 }
 
-/* How the shot of a point moves in each of the directions, and the tool with it. */
-static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_move shot[MOVES],
-                       palp_vec3 tool[MOVES]) {
+/* How the shot of a point moves in each of the directions, and the tool where it sees the point. */
+static void shot_moves(const palp_contact *c, const palp_contact_point *p, const point_slopes *z,
+                       shot_move shot[MOVES], palp_vec3 tool[MOVES]) {
     const palp_contact_patch *patch = &c->patch[p->patch];
+    const palp_tool *of = &c->tools[patch->tool];
     const palp_lattice_state *s = &patch->lattice.used;
-    const bool central = palp_lattice_is_central(&c->tools[patch->tool]);
+    const bool central = palp_lattice_is_central(of), flat = palp_lattice_is_flat(of);
+    const palp_vec3 ball = palp_rotate(patch->at.r, of->ball[0].center_m);
     const float a = s->spacing * ((float)p->i + 0.5f * (float)p->j);
     const float b = s->spacing * PALP_LATTICE_CELL * (float)p->j;
     const palp_vec3 side = palp_madd(palp_scale(a, s->tangent[0]), b, s->tangent[1]);
@@ -193,27 +217,27 @@ static void shot_moves(const palp_contact *c, const palp_contact_point *p, shot_
         tool[k] = (palp_vec3){0};
     }
     for (uint32_t k = 0; k < 3u; k++) {
-        palp_vec3 e = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
-        shot[k].from = tool[k] = e;
+        shot[k].from = tool[k] = unit(k);
+        tool[TURN + k] = palp_cross(unit(k), z->arm_m);
+        if (central) shot[TURN + k].from = palp_cross(unit(k), ball);
     }
-    for (uint32_t k = 0; k < 2u; k++) { /* the axis turns towards tangent k */
-        shot_move *m = &shot[3u + AXIS + k];
-        palp_vec3 about = palp_cross(s->axis, s->tangent[k]);
-        m->direction = palp_cross(about, p->direction);
-        m->from = palp_scale(-s->back_m, s->tangent[k]);
-        if (central) continue;
-        m->from = palp_cross(about, palp_add(side, s->origin_m));
+    for (uint32_t k = TURN; k < OF_LATTICE + AXIS + 2u; k++) { /* the lattice turns */
+        const palp_vec3 about = turn_of(s, flat, k);
+        if (k < OF_LATTICE && !flat) continue;
+        shot[k].direction = palp_cross(about, p->direction);
+        shot[k].from = central ? palp_scale(-s->back_m, palp_cross(about, s->axis))
+                               : palp_cross(about, palp_add(side, s->origin_m));
     }
-    for (uint32_t k = 0; k < 2u && !central; k++) shot[3u + ORIGIN + k].from = s->tangent[k];
-    shot[3u + SPACING].log_cell = 1.0f;
+    shot[OF_LATTICE + SPACING].log_cell = 1.0f;
     if (central) {
         float rho2 = a * a + b * b, root = palp_sqrt(palp_max(1.0f - 0.25f * rho2, 1e-6f));
-        shot[3u + SPACING].direction =
+        shot[OF_LATTICE + SPACING].direction =
             palp_madd(palp_scale(root - 0.25f * rho2 / root, side), -rho2, s->axis);
-    } else {
-        shot[3u + SPACING].from = side;
+        shot[OF_LATTICE + BACK].from = palp_scale(-1.0f, s->axis);
+        return;
     }
-    if (central) shot[3u + BACK].from = palp_scale(-1.0f, s->axis);
+    for (uint32_t k = 0; k < 2u; k++) shot[OF_LATTICE + ORIGIN + k].from = s->tangent[k];
+    shot[OF_LATTICE + SPACING].from = side;
 }
 
 /* ---- what the lattice follows ---- */
@@ -240,68 +264,62 @@ static void add_derivative(derivative_sums *f, const palp_contact_point *p, palp
 }
 
 /* Derivatives of the equations r that the lattice obeys, in direction k. */
-static void equations(const palp_lattice *l, const derivative_sums *f, bool central, bool turns,
+static void equations(const palp_lattice *l, const derivative_sums *f, bool central, bool flat,
                       float cells, uint32_t k, float r[PARAMETERS]) {
     const palp_lattice_state *s = &l->used;
-    palp_vec3 turn = {0}; /* of the tangents, for the axis' own directions */
-    palp_vec3 about = {0};
-    if (k >= 3u + AXIS && k < 3u + AXIS + 2u)
-        about = palp_cross(s->axis, s->tangent[k - 3u - AXIS]);
+    const palp_vec3 about = turn_of(s, flat, k), none = {0};
+    palp_vec3 own = palp_cross(about, s->origin_m); /* of the origin, seen from the reference point */
+    if (k >= OF_LATTICE + ORIGIN && k < OF_LATTICE + ORIGIN + 2u)
+        own = s->tangent[k - OF_LATTICE - ORIGIN];
+    const palp_vec3 moved = k < TURN ? unit(k) : own; /* and in space */
     for (uint32_t e = 0; e < 2u; e++) {
-        turn = palp_cross(about, s->tangent[e]);
+        const palp_vec3 turn = palp_cross(about, s->tangent[e]);
         if (central) {
             r[AXIS + e] = palp_dot(f->dtoward[k], s->tangent[e]) + palp_dot(f->toward, turn);
             r[ORIGIN + e] = 0.0f;
-        } else {
-            r[AXIS + e] =
-                turns ? palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn) : 0.0f;
-            palp_vec3 tool = {k == 0u ? 1.0f : 0.0f, k == 1u ? 1.0f : 0.0f, k == 2u ? 1.0f : 0.0f};
-            palp_vec3 own = k >= 3u + ORIGIN && k < 3u + ORIGIN + 2u ? s->tangent[k - 3u - ORIGIN]
-                            : k < 3u                                 ? tool
-                                     : palp_cross(about, s->origin_m);
-            const palp_vec3 none = {0};
-            palp_vec3 kept = k < 3u ? none : own; /* of the origin itself */
-            kept = palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0, kept);
-            palp_vec3 change = palp_scale(1.0f - s->fixed, palp_madd(f->dtoward[k], -f->s0, own));
-            r[ORIGIN + e] = palp_dot(palp_madd(change, -s->fixed, kept), s->tangent[e]) +
-                            (1.0f - s->fixed) * palp_dot(f->toward, turn);
+            continue;
         }
+        r[AXIS + e] = flat ? 0.0f : palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn);
+        const palp_vec3 kept = palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0,
+                                         k < TURN ? none : own);
+        const palp_vec3 change =
+            palp_scale(1.0f - s->fixed, palp_madd(f->dtoward[k], -f->s0, moved));
+        r[ORIGIN + e] = palp_dot(palp_madd(change, -s->fixed, kept), s->tangent[e]) +
+                        (1.0f - s->fixed) * palp_dot(f->toward, turn);
     }
     r[SPACING] =
         (1.0f - s->fixed) * 2.0f / 3.0f *
             (2.0f * f->s0 * f->d0[k] / f->s1 - f->s0 * f->s0 * f->d1[k] / (f->s1 * f->s1)) -
         cells * (f->d2[k] / f->s0 - f->s2 * f->d0[k] / (f->s0 * f->s0));
-    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] - (k == 3u + BACK ? 1.0f : 0.0f) : 0.0f;
+    r[BACK] = s->back_m > 0.0f ? f->ddeepest[k] - (k == OF_LATTICE + BACK ? 1.0f : 0.0f) : 0.0f;
 }
 
-/* Adds Q_p dp/dc. */
-static palp_vec3 derivative_force(const palp_contact *c, const palp_contact_patch *patch,
-                                  const derivative_sums *f) {
+/* Q_p dp/dc for the six motions of the tool. */
+static void derivative_force(const palp_contact *c, const palp_contact_patch *patch,
+                             const derivative_sums *f, float force[OF_LATTICE]) {
     const palp_tool *tool = &c->tools[patch->tool];
     const palp_lattice *l = &patch->lattice;
     const bool central = palp_lattice_is_central(tool), flat = palp_lattice_is_flat(tool);
     const float cells = (float)c->level.cells * c->crowd;
     float r[MOVES][PARAMETERS], a[PARAMETERS * PARAMETERS];
     uint32_t perm[PARAMETERS];
-    for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, !flat, cells, k, r[k]);
+    for (uint32_t k = 0; k < OF_LATTICE; k++) force[k] = 0.0f;
+    for (uint32_t k = 0; k < MOVES; k++) equations(l, f, central, flat, cells, k, r[k]);
     for (uint32_t e = 0; e < PARAMETERS; e++) {
         bool follows = is_free(l, central, flat, e);
         for (uint32_t p = 0; p < PARAMETERS; p++) {
             bool both = follows && is_free(l, central, flat, p);
-            a[e * PARAMETERS + p] = both ? r[3u + p][e] : (p == e ? 1.0f : 0.0f);
+            a[e * PARAMETERS + p] = both ? r[OF_LATTICE + p][e] : (p == e ? 1.0f : 0.0f);
         }
-        for (uint32_t k = 0; k < 3u && !follows; k++) r[k][e] = 0.0f;
+        for (uint32_t k = 0; k < OF_LATTICE && !follows; k++) r[k][e] = 0.0f;
     }
-    if (palp_lu_factor(a, perm, PARAMETERS, PARAMETERS) != PALP_OK) return (palp_vec3){0};
-    float force[3];
-    for (uint32_t axis = 0; axis < 3u; axis++) {
+    if (palp_lu_factor(a, perm, PARAMETERS, PARAMETERS) != PALP_OK) return;
+    for (uint32_t k = 0; k < OF_LATTICE; k++) {
         float x[PARAMETERS];
-        for (uint32_t e = 0; e < PARAMETERS; e++) x[e] = -r[axis][e];
+        for (uint32_t e = 0; e < PARAMETERS; e++) x[e] = -r[k][e];
         palp_lu_solve(a, perm, PARAMETERS, PARAMETERS, x);
-        force[axis] = 0.0f;
-        for (uint32_t e = 0; e < PARAMETERS; e++) force[axis] += f->q[3u + e] * x[e];
+        for (uint32_t e = 0; e < PARAMETERS; e++) force[k] += f->q[OF_LATTICE + e] * x[e];
     }
-    return (palp_vec3){force[0], force[1], force[2]};
 }
 
 /* ---- all together ---- */
@@ -347,7 +365,7 @@ static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
     palp_vec3 tool[MOVES];
     pull of_q = {.cell = 0.0f};
     if (p->force_N > 0.0f) of_q = pull_of(c, p, i, &z);
-    const palp_vec3 moved = palp_sub(patch->tool_m, l->used.far_field.mean_m);
+    const palp_vec3 moved = palp_sub(patch->at.t, l->used.far_field.mean_m);
     const palp_vec3 origin = palp_add(moved, l->used.origin_m);
     palp_vec3 off = central ? p->direction : palp_sub(p->q, origin);
     float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
@@ -358,10 +376,10 @@ static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
     f->toward = palp_madd(f->toward, w, off);
     f->out = palp_madd(f->out, w, p->n);
     if (deepest) f->deepest = p->overlap_m;
-    shot_moves(c, p, shot, tool);
+    shot_moves(c, p, &z, shot, tool);
     const bool flat = palp_lattice_is_flat(&c->tools[patch->tool]);
     for (uint32_t k = 0; k < MOVES; k++) {
-        if (k >= 3u && !is_free(l, central, flat, k - 3u)) continue;
+        if (k >= OF_LATTICE && !is_free(l, central, flat, k - OF_LATTICE)) continue;
         point_move d = move_point(c, p, &z, central, &shot[k], tool[k]);
         add_derivative(f, p, off, &d, &shot[k], central, k);
         if (deepest) f->ddeepest[k] = d.overlap;
@@ -371,15 +389,16 @@ static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
 
 /* (1 - dh/dc)^T v. d is from the energy, F (h . n / 2 + 2 d / 5). What a zone is bent by without
  * contact is not given by the force. */
-static palp_vec3 seen_from_far_field(const palp_contact *c, uint32_t k, palp_vec3 v) {
+static palp_wrench seen_from_far_field(const palp_contact *c, uint32_t k, palp_wrench v) {
     const palp_contact_patch *patch = &c->patch[k];
-    palp_vec3 push = {0};
+    palp_vec3 push = {0}, turn = {0};
     float energy = 0.0f;
     uint32_t used = 0;
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_contact_point *p = &c->point[c->active[a]];
         if (p->patch != k) continue;
         push = palp_madd(push, p->force_N, p->out);
+        turn = palp_madd(turn, p->force_N, p->arm_m);
         energy += 0.5f * p->force_N * palp_dot(p->m, p->u_m);
     }
     for (uint32_t n = 0; n < c->patches; n++) used += c->patch[n].used ? 1u : 0u;
@@ -393,13 +412,16 @@ static palp_vec3 seen_from_far_field(const palp_contact *c, uint32_t k, palp_vec
     const float local = palp_max(energy / force - 0.5f * along, 0.0f);
     float room = along + 5.0f / 3.0f * local;
     if (used > 1u) room = palp_max(room, palp_norm(h)); /* others move the body too */
-    return palp_madd(v, -palp_dot(h, v) / room, n);
+    const float back = -palp_dot(h, v.force_N) / room;
+    return (palp_wrench){palp_madd(v.force_N, back, n),
+                         palp_madd(v.moment_Nm, back / force, turn)};
 }
 
 void palp_contact_exact(palp_contact *c) {
     for (uint32_t k = 0; k < c->patches; k++) {
         palp_contact_patch *patch = &c->patch[k];
         derivative_sums f = {.s0 = 0.0f};
+        float follows[OF_LATTICE];
         bool any = false;
         if (!patch->used || patch->tool == PALP_CONTACT_TOOLS) continue;
         for (uint32_t i = 0; i < c->count; i++) {
@@ -408,9 +430,12 @@ void palp_contact_exact(palp_contact *c) {
             any = any || c->point[i].force_N > 0.0f;
         }
         if (!any) continue;
-        const palp_vec3 moved = {f.q[0], f.q[1], f.q[2]};
-        patch->beyond_N =
-            seen_from_far_field(c, k, palp_add(moved, derivative_force(c, patch, &f)));
+        derivative_force(c, patch, &f, follows);
+        const palp_wrench moved = {palp_add(palp_vec3_at(f.q), palp_vec3_at(follows)),
+                                   palp_add(palp_vec3_at(f.q + TURN), palp_vec3_at(follows + TURN))};
+        const palp_wrench beyond = seen_from_far_field(c, k, moved);
+        patch->beyond_N = beyond.force_N;
+        patch->beyond_Nm = beyond.moment_Nm;
     }
     c->work_done += (uint64_t)c->active_count * 80u * c->active_count + 1000u * (uint64_t)c->count;
 }

@@ -20,19 +20,6 @@ size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_points) {
     return a.used;
 }
 
-/* How far a tool extends from its reference point. */
-static float extent(const palp_tool *t) {
-    float far = 0.0f;
-    for (uint32_t i = 0; i < t->balls; i++)
-        far = palp_max(far, palp_norm(t->ball[i].center_m) + t->ball[i].radius_m);
-    if (t->balls > 0u) return far;
-    if (t->cylinder.radius_m > 0.0f)
-        return t->cylinder.radius_m + t->cylinder.half_m + t->cylinder.rim_m;
-    for (uint32_t i = 0; i < t->pad.columns * t->pad.rows; i++)
-        far = palp_max(far, palp_abs(t->pad.height_m[i]));
-    return far + t->pad.half_m[0] + t->pad.half_m[1] + t->pad.edge_m;
-}
-
 palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *c, void *memory,
                              size_t bytes) {
     const palp_tets *tets = c->dyna->tets;
@@ -46,11 +33,12 @@ palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *c, v
         c->max_points > PALP_MAX_NODES)
         return PALP_ERR_ARGUMENT;
     for (uint32_t t = 0; t < c->tool_count; t++) {
-        if (!palp_tool_is_sound(&c->tools[t]) || !palp_vec3_is_finite(c->at_m[t]))
+        if (!palp_tool_is_sound(&c->tools[t]) || !palp_vec3_is_finite(c->at[t].t) ||
+            !palp_is_rotation(c->at[t].r))
             return PALP_ERR_ARGUMENT;
-        p.reach_m[t] = extent(&c->tools[t]);
+        p.reach_m[t] = palp_tool_extent(&c->tools[t]);
         p.size_m[t] = palp_tool_size(&c->tools[t]);
-        p.from_m[t] = p.to_m[t] = c->at_m[t];
+        p.from[t] = p.to[t] = c->at[t];
     }
     const palp_status status =
         palp_check_block(memory, bytes, palp_impose_memsize(tets, c->max_points));
@@ -96,7 +84,7 @@ static void keep(palp_impose *p, const palp_imposed *s) {
 /* One of PALP_IMPOSE_NARROW_TESTS max_points. */
 static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float margin) {
     palp_imposed s = {.skin = skin, .tool = tool, .n = palp_skin_normal(p->dyna, skin)};
-    palp_touch at = palp_tool_at(&p->tools[tool], p->to_m[tool], x, s.n);
+    palp_touch at = palp_tool_at(&p->tools[tool], &p->to[tool], x, s.n);
     bool before = (p->pressed[skin] >> tool & 1u) != 0u;
     if (at.reach > 1.0f || at.depth_m < -2.0f * margin) return;
     if (at.facing < (before ? 0.0f : FACING)) return;
@@ -106,9 +94,11 @@ static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3
 }
 
 static void broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
-    float away = palp_norm(palp_sub(x, p->to_m[tool])) - p->reach_m[tool];
+    const palp_frame *to = &p->to[tool];
+    float away = palp_norm(palp_sub(x, to->t)) - p->reach_m[tool];
     float size = p->size_m[tool];
     if (away > HOLD * size + path_m) return;
+    if (!palp_tool_may_reach(&p->tools[tool], palp_carry_back(to, x), HOLD * size + path_m)) return;
     if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
     float margin = MARGIN * size + path_m + PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
     if (away > margin) return;
@@ -120,24 +110,31 @@ static void broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 
     narrow_phase(p, skin, tool, x, margin);
 }
 
-void palp_impose_begin(palp_impose *p, const palp_vec3 *to_m) {
+/* Sets where a tool goes in this tick; returns how far any place of it goes at most. */
+static float set_path(palp_impose *p, uint32_t t, const palp_frame *to) {
+    const float most = PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
+    p->from[t] = p->to[t];
+    palp_vec3 path = palp_sub(to->t, p->from[t].t);
+    palp_vec3 turn = palp_turn_between(p->from[t].r, to->r);
+    turn = palp_tool_turned(&p->tools[t], to, turn);
+    float length = palp_norm(path) + p->reach_m[t] * palp_norm(turn);
+    p->turn_rad[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
+    if (!palp_is_finite(length)) return 0.0f; /* not a place: the tool stays */
+    const float share = length > most ? most / length : 1.0f;
+    p->to[t] = *to;
+    p->to[t].t = palp_madd(p->from[t].t, share, path);
+    if (share < 1.0f) palp_turn_by(palp_scale(share, turn), p->from[t].r, p->to[t].r);
+    p->turn_rad[t] = palp_scale(share, turn);
+    return palp_min(length, most);
+}
+
+void palp_impose_begin(palp_impose *p, const palp_frame *to) {
     float path_m[PALP_CONTACT_TOOLS] = {0.0f};
     p->count = 0;
     p->narrow_tests = PALP_IMPOSE_NARROW_TESTS * p->max_points;
     for (uint32_t t = 0; t < p->tool_count; t++) {
-        p->from_m[t] = p->to_m[t];
-        palp_vec3 path = palp_sub(to_m[t], p->from_m[t]);
-        float most = PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
-        path_m[t] = palp_norm(path);
-        if (!palp_is_finite(path_m[t])) { /* not a place: the tool stays */
-            path_m[t] = 0.0f;
-        } else if (path_m[t] > most) {
-            p->to_m[t] = palp_madd(p->from_m[t], most / path_m[t], path);
-            path_m[t] = most;
-        } else {
-            p->to_m[t] = to_m[t];
-        }
-        p->impulse_Ns[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
+        path_m[t] = set_path(p, t, &to[t]);
+        p->impulse_Ns[t] = p->impulse_Nms[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
     }
     for (uint32_t i = 0; i < p->dyna->tets->meta->skin; i++) {
         palp_vec3 x = palp_skin_position(p->dyna, i);
@@ -172,40 +169,60 @@ static float yield(palp_dyna *d, const palp_imposed *s, float delta, float rate)
     return push;
 }
 
-static void press(palp_impose *p, const palp_imposed *s, palp_vec3 c, palp_vec3 v_m_s,
-                  float most_m) {
+/* A tool in the course of a step. */
+typedef struct {
+    palp_frame at;
+    palp_vec3 v_m_s, w_rad_s;
+} tool_motion;
+
+static void press(palp_impose *p, const palp_imposed *s, const tool_motion *tool, float most_m) {
     palp_dyna *d = p->dyna;
     palp_vec3 x = s->rest_m, v = {0.0f, 0.0f, 0.0f};
     for (uint32_t k = 0; k < 4u; k++) {
         x = palp_madd(x, s->weight[k], palp_vec3_at(d->u_m + 3u * (size_t)s->node[k]));
         v = palp_madd(v, s->weight[k], palp_vec3_at(d->v_m_s + 3u * (size_t)s->node[k]));
     }
-    palp_touch at = palp_tool_at(&p->tools[s->tool], c, x, s->n);
+    palp_touch at = palp_tool_at(&p->tools[s->tool], &tool->at, x, s->n);
     if (!(at.depth_m > 0.0f) || at.reach > 1.0f || at.facing < 0.0f) return;
+    const palp_vec3 arm = palp_sub(x, tool->at.t);
+    const palp_vec3 there = palp_add(tool->v_m_s, palp_cross(tool->w_rad_s, arm));
     float delta = palp_min(at.depth_m, most_m); /* the paper: gradually */
-    float rate = palp_max(palp_dot(s->n, v) - palp_dot(at.push, v_m_s), 0.0f);
+    float rate = palp_max(palp_dot(s->n, v) - palp_dot(at.push, there), 0.0f);
     float push = yield(d, s, delta, rate);
     p->impulse_Ns[s->tool] = palp_madd(p->impulse_Ns[s->tool], push, at.push);
+    p->impulse_Nms[s->tool] =
+        palp_madd(p->impulse_Nms[s->tool], push, palp_cross(arm, at.push));
     p->pressed[s->skin] |= (uint8_t)(1u << s->tool);
     p->inside++;
 }
 
+static tool_motion motion_at(const palp_impose *p, uint32_t t, float share, bool last) {
+    const float per_tick = 1.0f / p->dyna->config.tick_s;
+    const palp_vec3 path = palp_sub(p->to[t].t, p->from[t].t);
+    tool_motion m = {.at = p->to[t],
+                     .v_m_s = palp_scale(per_tick, path),
+                     .w_rad_s = palp_scale(per_tick, p->turn_rad[t])};
+    if (last) return m;
+    m.at.t = palp_madd(p->from[t].t, share, path);
+    if (palp_dot(p->turn_rad[t], p->turn_rad[t]) > 0.0f)
+        palp_turn_by(palp_scale(share, p->turn_rad[t]), p->from[t].r, m.at.r);
+    return m;
+}
+
 void palp_impose_step(palp_impose *p, uint32_t s, uint32_t steps) {
-    float share = (float)(s + 1u) / (float)steps, per_tick = 1.0f / p->dyna->config.tick_s;
-    palp_vec3 at[PALP_CONTACT_TOOLS], v[PALP_CONTACT_TOOLS];
-    for (uint32_t t = 0; t < p->tool_count; t++) {
-        palp_vec3 path = palp_sub(p->to_m[t], p->from_m[t]);
-        at[t] = s + 1u == steps ? p->to_m[t] : palp_madd(p->from_m[t], share, path);
-        v[t] = palp_scale(per_tick, path);
-    }
+    tool_motion tool[PALP_CONTACT_TOOLS];
+    for (uint32_t t = 0; t < p->tool_count; t++)
+        tool[t] = motion_at(p, t, (float)(s + 1u) / (float)steps, s + 1u == steps);
     const float most_m = PALP_IMPOSE_SPEED * p->dyna->config.tick_s / (float)steps;
     p->inside = 0;
     for (uint32_t i = 0; i < p->count; i++)
-        press(p, &p->point[i], at[p->point[i].tool], v[p->point[i].tool], most_m);
+        press(p, &p->point[i], &tool[p->point[i].tool], most_m);
 }
 
-void palp_impose_end(palp_impose *impose, palp_vec3 *force_N) {
+void palp_impose_end(const palp_impose *impose, palp_wrench *on_tool) {
     float per_tick = 1.0f / impose->dyna->config.tick_s;
-    for (uint32_t t = 0; t < impose->tool_count; t++)
-        force_N[t] = palp_scale(per_tick, impose->impulse_Ns[t]);
+    for (uint32_t t = 0; t < impose->tool_count; t++) {
+        on_tool[t].force_N = palp_scale(per_tick, impose->impulse_Ns[t]);
+        on_tool[t].moment_Nm = palp_scale(per_tick, impose->impulse_Nms[t]);
+    }
 }

@@ -8,9 +8,9 @@
  * left, so that a node shared by several vertices is not counted twice. Contact only pushes,
  * without friction.
  *
- * A tool goes straight from where it was to where its device is in the course of a tick, no faster
- * than PALP_IMPOSE_SPEED: a reading that jumps does not shoot through the body. Nor does a vertex
- * that is found inside move faster. Vertices are
+ * A tool goes straight from where it was to where its device is in the course of a tick, and turns
+ * evenly, no faster than PALP_IMPOSE_SPEED at its far end: a reading that jumps does not shoot
+ * through the body. Nor does a vertex that is found inside move faster. Vertices are
  * looked for once a tick; families near a tool are held at the finest level (adapt.h).
  */
 #ifndef PALP_CONTACT_IMPOSE_H
@@ -41,8 +41,10 @@ typedef struct {
     palp_imposed *point;
     uint8_t *pressed; /* [skin] bit per tool: was inside in this tick or the last */
     float reach_m[PALP_CONTACT_TOOLS], size_m[PALP_CONTACT_TOOLS];
-    palp_vec3 from_m[PALP_CONTACT_TOOLS], to_m[PALP_CONTACT_TOOLS];
-    palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS]; /* on the tools, in this tick */
+    palp_frame from[PALP_CONTACT_TOOLS], to[PALP_CONTACT_TOOLS];
+    palp_vec3 turn_rad[PALP_CONTACT_TOOLS];    /* from the one to the other */
+    palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS];  /* on the tools, in this tick, */
+    palp_vec3 impulse_Nms[PALP_CONTACT_TOOLS]; /* and its moment about the reference point */
     uint32_t narrow_tests;                    /* narrow-phase tests left in this tick */
     uint32_t inside;                          /* points that were moved in the last step */
     uint64_t overflow; /* vertices that had no room among the points, so far */
@@ -50,13 +52,13 @@ typedef struct {
 
 size_t palp_impose_memsize(const palp_tets *tets, uint32_t max_points);
 
-/* Pointers are kept, but for at_m. */
+/* Pointers are kept, but for `at`. */
 typedef struct {
     palp_dyna *dyna;
     palp_adapt *adapt;      /* NULL: families near a tool are not held */
     const palp_tool *tools; /* [tool_count], as palp_tool_is_sound */
     uint32_t tool_count;    /* 1 to PALP_CONTACT_TOOLS */
-    const palp_vec3 *at_m;  /* [tool_count] where they begin; finite */
+    const palp_frame *at;   /* [tool_count] where they begin; finite, with rotations */
     uint32_t max_points;    /* 1 to PALP_MAX_NODES */
 } palp_impose_config;
 
@@ -64,15 +66,16 @@ typedef struct {
 palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *config, void *memory,
                              size_t bytes);
 
-/* Tools are to be at to_m[tool_count] at the end of this tick. Vertices near a tool beyond the
+/* Tools are to be at to[tool_count] at the end of this tick. Vertices near a tool beyond the
  * narrow-phase tests there are, or the points, are counted in overflow. Cost: 40 per skin vertex,
  * 60 more per tool, 260 + max_points per narrow-phase test. */
-void palp_impose_begin(palp_impose *impose, const palp_vec3 *to_m);
+void palp_impose_begin(palp_impose *impose, const palp_frame *to);
 
 /* After palp_dyna_move in step s of `steps`. Cost: 100 per point, and the tool's. */
 void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps);
 
-/* After the last step: force on each tool, the mean over the tick. */
-void palp_impose_end(palp_impose *impose, palp_vec3 *force_N);
+/* After the last step: force on each tool and moment about its reference point, the mean over the
+ * tick. */
+void palp_impose_end(const palp_impose *impose, palp_wrench *on_tool);
 
 #endif

@@ -4,10 +4,10 @@
 #define ELSEWHERE 1.2f /* most motion elsewhere over that at the contact */
 #define UNSURE 0.05f   /* of what it moves at the contact: how far off that may be */
 
-bool palp_lattice_is_central(const palp_tool *tool) { return tool->balls == 1u; }
+bool palp_lattice_is_central(const palp_tool *tool) { return palp_tool_is_ball(tool); }
 
 bool palp_lattice_is_flat(const palp_tool *tool) {
-    return tool->balls == 0u && !(tool->cylinder.radius_m > 0.0f);
+    return tool->shape == PALP_TOOL_PAD;
 }
 
 /* Between two bodies each shot crosses the triangles of both. */
@@ -26,12 +26,13 @@ static float edge_of(const palp_lattice_room *r) {
 
 static void start_filling(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_room *r,
                           uint32_t first) {
-    const palp_vec3 moved = palp_sub(r->tool_m, r->far_field.mean_m);
+    palp_frame moved = r->at;
+    moved.t = palp_sub(moved.t, r->far_field.mean_m);
     l->at.far_field = r->far_field;
     l->used = l->at;
     *f = (palp_lattice_filling){.l = l,
                                 .r = r,
-                                .moved_m = moved,
+                                .moved = moved,
                                 .central = palp_lattice_central(r),
                                 .first = first,
                                 .shots_left = PALP_LATTICE_SHOTS(r->most),
@@ -60,15 +61,15 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     r->done->crossings += crossings - a.crossings;
     if (!(a.gap_m < 0.0f)) return false;
     float size = r->size_m, depth = -a.gap_m;
-    palp_vec3 c = palp_add(a.moved_m, palp_lattice_center(r));
+    palp_vec3 c = palp_add(a.moved.t, palp_lattice_center(r));
     const palp_vec3 deepest = palp_lattice_world(r, &a.deepest);
     palp_gap gap = palp_lattice_gap(&a, deepest);
     if (palp_lattice_central(r)) {
         palp_lattice_set_axis(l, palp_sub(deepest, c));
         palp_lattice_set_origin(l, r);
     } else {
-        palp_lattice_set_axis(l, palp_lattice_flat(r) ? r->tool->pad.axis[2] : gap.normal);
-        l->at.origin_m = palp_sub(deepest, a.moved_m);
+        palp_lattice_set_axis(l, palp_lattice_flat(r) ? palp_lattice_face(r) : gap.normal);
+        l->at.origin_m = palp_sub(deepest, a.moved.t);
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);
     }
@@ -76,7 +77,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     float cell = palp_sqrt(palp_lattice_cell2(r, 0.5f * area_m2));
     l->at.spacing = cell;
     if (palp_lattice_central(r)) {
-        float distance = palp_norm(palp_sub(deepest, palp_add(a.moved_m, l->at.origin_m)));
+        float distance = palp_norm(palp_sub(deepest, palp_add(a.moved.t, l->at.origin_m)));
         l->at.spacing = palp_min(cell / palp_max(distance, 0.1f * size), 0.8f);
     }
     l->seeds = 1;
@@ -95,6 +96,7 @@ void palp_lattice_aim(palp_lattice *l, palp_vec3 axis, palp_vec3 aim_m) {
 static void fill(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_room *r,
                  uint32_t first) {
     const uint32_t seeds = l->seeds;
+    if (palp_lattice_flat(r)) palp_lattice_set_axis(l, palp_lattice_face(r));
     start_filling(f, l, r, first);
     r->done->fillings++;
     l->seeds = 0;

@@ -62,6 +62,7 @@ typedef struct {
     uint32_t patch;        /* whose lattice it belongs to */
     int16_t i, j;          /* site in it */
     palp_vec3 out;         /* out of the tool, into the body: direction of the force on the body */
+    palp_vec3 arm_m;       /* from the tool's reference point, times out */
     palp_vec3 m, u_m; /* the same, and the displacement of the last solve, in the body's frame */
     float force_N;    /* along m, not negative */
     bool active;      /* in contact */
@@ -130,7 +131,7 @@ typedef struct {
     float size_m;              /* of what presses: palp_tool_size */
     float reach_m;             /* within which nodes are visited: palp_lattice_reach */
     uint32_t number;           /* of the patch */
-    palp_vec3 tool_m;          /* where it is */
+    palp_frame at;             /* where it is; of two bodies only its place counts */
     float cells;               /* wanted in contact */
     palp_far_field far_field;  /* by the body as a whole, as foreseen, and as it is bent */
     const float *load;         /* [far_modes] of the modes, in the last tick */
@@ -174,7 +175,7 @@ void palp_lattice_clear(palp_lattice_table *table);
 /* d cell_m / d facing */
 float palp_lattice_cell_slope(const palp_contact_point *point);
 
-/* One ball: shots from its centre. A pad: an axis of its own, which stays. */
+/* One ball: shots from its centre. A pad: an axis of its own, which it keeps. */
 bool palp_lattice_is_central(const palp_tool *tool);
 bool palp_lattice_is_flat(const palp_tool *tool);
 

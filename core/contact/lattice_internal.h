@@ -13,7 +13,7 @@
 typedef struct {
     palp_lattice *l;
     const palp_lattice_room *r;
-    palp_vec3 moved_m; /* the tool's reference point, seen from the moved surface */
+    palp_frame moved; /* the tool, seen from the surface that the body as a whole has moved */
     bool central;
     uint32_t first;                              /* points of this tool begin here */
     uint32_t shots_left, crossings, rings, feet; /* left in this filling */
@@ -81,7 +81,13 @@ static inline palp_vec3 palp_lattice_node(const palp_lattice_room *r, uint32_t b
 }
 
 static inline palp_vec3 palp_lattice_center(const palp_lattice_room *r) {
-    return palp_lattice_central(r) ? r->tool->ball[0].center_m : (palp_vec3){0};
+    return palp_lattice_central(r) ? palp_rotate(r->at.r, r->tool->ball[0].center_m)
+                                   : (palp_vec3){0};
+}
+
+/* Where a pad's face looks. */
+static inline palp_vec3 palp_lattice_face(const palp_lattice_room *r) {
+    return palp_rotate(r->at.r, r->tool->pad.axis[2]);
 }
 
 /* ---- lattice_table.c ---- */

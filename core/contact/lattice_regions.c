@@ -32,7 +32,7 @@ static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap 
     float gone;
     if (!f->central) return palp_madd(y, -gap.gap_m, gap.normal);
     f->r->done->evaluations++; /* half of one */
-    return palp_sub(palp_add(f->moved_m, f->r->tool->ball[0].center_m),
+    return palp_sub(palp_add(f->moved.t, palp_lattice_center(f->r)),
                     palp_lattice_beside(f, y, &gone));
 }
 
@@ -199,6 +199,14 @@ typedef struct {
     palp_far_field_sums bent;
 } visit;
 
+/* Whether a place, from the tool's reference point, is not beyond the box of a long tool. */
+static bool may_meet(const palp_lattice_filling *f, palp_vec3 off) {
+    const palp_lattice_room *r = f->r;
+    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return true;
+    const float reach = palp_max(r->size_m, f->far_m); /* whichever a visit asks for */
+    return palp_tool_may_reach(r->tool, palp_rotate_back(f->moved.r, off), reach);
+}
+
 static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_t node) {
     const palp_lattice_room *r = f->r;
     const palp_surface *surface = palp_lattice_surface(r, body);
@@ -208,7 +216,7 @@ static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_
         return;
     palp_vec3 off = palp_sub(palp_lattice_node(r, body, node), v->c);
     r->done->around++;
-    if (palp_dot(off, off) > r->reach_m * r->reach_m) return;
+    if (palp_dot(off, off) > r->reach_m * r->reach_m || !may_meet(f, off)) return;
     palp_gap gap = palp_lattice_gap(f, palp_add(v->c, off));
     if (gap.gap_m < v->bent_within_m)
         add_bent(f, &v->bent, body, node, off, palp_max(gap.gap_m / r->size_m, 0.0f));
@@ -240,7 +248,7 @@ static void visit_body(palp_lattice_filling *f, visit *v, uint32_t body) {
 
 void palp_lattice_visit(palp_lattice_filling *f, palp_lattice_purpose of) {
     const palp_lattice_room *r = f->r;
-    visit v = {.of = of, .c = f->moved_m, .bent_within_m = -1e30f};
+    visit v = {.of = of, .c = f->moved.t, .bent_within_m = -1e30f};
     if (of == PALP_LATTICE_TO_MEASURE && r->surface[0].assembly != NULL)
         v.bent_within_m = (1.0f - f->l->narrowed) * r->size_m;
     if (r->other.surface != NULL) v.c = palp_add(v.c, f->l->at.origin_m);

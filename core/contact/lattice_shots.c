@@ -27,8 +27,8 @@ palp_vec3 palp_lattice_beside(const palp_lattice_filling *f, palp_vec3 y, float 
 static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
     const palp_lattice_room *r = f->r;
     f->r->done->evaluations++;
-    if (r->other.surface == NULL) return palp_tool_gap(r->tool, f->moved_m, y);
-    const palp_vec3 x = palp_add(y, palp_sub(r->tool_m, f->moved_m));
+    if (r->other.surface == NULL) return palp_tool_gap(r->tool, &f->moved, y);
+    const palp_vec3 x = palp_add(y, palp_sub(r->at.t, f->moved.t));
     uint32_t hint[2] = {f->l->facing, r->facing};
     r->done->shots++;
     palp_gap gap = palp_facing_gap(&r->other, x, f->l->at.axis, &f->crossings, hint);
@@ -54,7 +54,7 @@ static palp_vec3 direction_of(const palp_lattice_filling *f, float a, float b) {
 /* Where in the lattice's map a point of the surface lies; false at its back. */
 static bool map(const palp_lattice_filling *f, palp_vec3 y, float *a, float *b) {
     const palp_lattice *l = f->l;
-    palp_vec3 r = palp_sub(y, palp_add(f->moved_m, l->at.origin_m));
+    palp_vec3 r = palp_sub(y, palp_add(f->moved.t, l->at.origin_m));
     float scale = 1.0f;
     if (f->central) {
         float length = palp_norm(r), up = length > 0.0f ? palp_dot(r, l->at.axis) / length : -1.0f;
@@ -95,7 +95,7 @@ bool palp_lattice_enter(palp_lattice_filling *f, palp_vec3 from, palp_vec3 direc
  * to touch. `pressed`: it carried force in the last tick. */
 static bool shoot(palp_lattice_filling *f, float a, float b, bool pressed, palp_contact_point *p) {
     const palp_lattice *l = f->l;
-    palp_vec3 from = palp_add(f->moved_m, l->at.origin_m);
+    palp_vec3 from = palp_add(f->moved.t, l->at.origin_m);
     p->direction = direction_of(f, a, b);
     if (!f->central) {
         from = palp_madd(from, a, l->at.tangent[0]);

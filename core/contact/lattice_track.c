@@ -97,7 +97,7 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
         float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
-        palp_vec3 off = palp_sub(p->q, palp_add(f->moved_m, l->at.origin_m));
+        palp_vec3 off = palp_sub(p->q, palp_add(f->moved.t, l->at.origin_m));
         weight += w;
         square += w * p->overlap_m;
         cells += w * area;

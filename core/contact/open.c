@@ -175,6 +175,7 @@ void palp_contact_clear(palp_contact *c) {
     }
     for (uint32_t t = 0; t < c->tool_count; t++) {
         c->force_N[t] = c->beyond_N[t] = c->repaid_N[t] = (palp_vec3){0};
+        c->moment_Nm[t] = c->beyond_Nm[t] = c->repaid_Nm[t] = (palp_vec3){0};
         c->normal_N[t] = 0.0f;
     }
     for (uint32_t m = 0; m < PALP_LATTICE_FAR_MODES; m++) c->far_load[m] = 0.0f;

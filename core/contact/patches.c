@@ -229,9 +229,9 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     if (p == NULL) return;
     const float edge = s->blob->meta->mean_edge_m;
     p->met_m = at.y;
-    p->tool_m = palp_carry(here, at.y);
+    p->at = palp_frame_at(palp_carry(here, at.y));
     p->bent =
-        (palp_far_field){.at_m = p->tool_m, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
+        (palp_far_field){.at_m = p->at.t, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
     palp_lattice_aim(&p->lattice, e->axis, e->bent_m);
 }
@@ -315,8 +315,8 @@ static void meet_zones(palp_contact *c) {
         palp_contact_patch *p = &c->patch[k];
         p->used = p->used && (p->lattice.placed || p->normal_N > 0.0f);
         if (!p->used) continue;
-        p->tool_m = palp_carry(&c->frame[p->body], p->met_m);
-        const palp_vec3 there = palp_add(p->tool_m, p->lattice.at.origin_m);
+        p->at.t = palp_carry(&c->frame[p->body], p->met_m);
+        const palp_vec3 there = palp_add(p->at.t, p->lattice.at.origin_m);
         p->before = step_towards(c, p->other, p->before, there);
     }
     track_closest(c);
@@ -355,9 +355,9 @@ palp_vec3 palp_contact_carried(const palp_contact *c, uint32_t tool) {
     for (uint32_t i = 0; i < points; i++) {
         const palp_contact_point *p = &point[i];
         if (p->patch != tool || !(p->force_N > 0.0f)) continue;
-        palp_vec3 local = palp_carry_back(&c->frame_before[p->at.body], c->rest_m[tool]);
+        palp_vec3 local = palp_carry_back(&c->frame_before[p->at.body], c->rest[tool].t);
         palp_vec3 now = palp_carry(&c->frame[p->at.body], local);
-        sum = palp_madd(sum, p->force_N / c->normal_N[tool], palp_sub(now, c->rest_m[tool]));
+        sum = palp_madd(sum, p->force_N / c->normal_N[tool], palp_sub(now, c->rest[tool].t));
     }
     return sum;
 }

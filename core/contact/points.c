@@ -136,17 +136,29 @@ static void meet(palp_contact *c, uint32_t i) {
     c->flags |= PALP_CONTACT_LOST;
 }
 
+/* From where a tool is taken to be to where its spring would turn it without the contact. */
+static palp_vec3 turn_to_held(const palp_contact *c, uint32_t t) {
+    const palp_contact_spring *s = &c->spring[t];
+    const palp_vec3 besides = palp_add(c->beyond_Nm[t], c->repaid_Nm[t]);
+    if (!(s->stiffness_Nm_per_rad > 0.0f)) return (palp_vec3){0};
+    return palp_madd(palp_turn_between(c->patch[t].at.r, s->held.r), 1.0f / s->stiffness_Nm_per_rad,
+                     besides);
+}
+
 /* The tool as a point sees it, about its last displacement. */
 static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
     palp_contact_point *p = &c->point[i];
     const palp_contact_patch *patch = &c->patch[p->patch];
-    const float stiffness = c->spring[patch->tool].stiffness_N_per_m;
-    palp_gap gap = palp_tool_gap(&c->tools[patch->tool], patch->tool_m, y);
-    palp_vec3 held = c->spring[patch->tool].held_m;
-    const palp_vec3 besides = palp_add(c->beyond_N[patch->tool], c->repaid_N[patch->tool]);
-    if (stiffness > 0.0f) held = palp_madd(held, 1.0f / stiffness, besides);
+    const uint32_t t = patch->tool;
+    const palp_contact_spring *s = &c->spring[t];
+    const palp_gap gap = palp_tool_gap(&c->tools[t], &patch->at, y);
+    palp_vec3 held = s->held.t;
+    const palp_vec3 besides = palp_add(c->beyond_N[t], c->repaid_N[t]);
+    if (s->stiffness_N_per_m > 0.0f) held = palp_madd(held, 1.0f / s->stiffness_N_per_m, besides);
     p->out = gap.normal;
-    c->target[i] = -gap.gap_m + palp_dot(p->out, palp_sub(held, patch->tool_m));
+    p->arm_m = palp_cross(palp_sub(y, patch->at.t), gap.normal);
+    c->target[i] = -gap.gap_m + palp_dot(p->out, palp_sub(held, patch->at.t));
+    if (s->stiffness_Nm_per_rad > 0.0f) c->target[i] += palp_dot(p->arm_m, c->turn_rad[t]);
 }
 
 /* What is asked of a point. */
@@ -190,6 +202,7 @@ static void add_other_side(palp_contact *c, uint32_t i) {
 
 uint32_t palp_contact_points(palp_contact *c) {
     c->sides = c->count;
+    for (uint32_t t = 0; t < c->tool_count; t++) c->turn_rad[t] = turn_to_held(c, t);
     for (uint32_t i = 0; i < c->count; i++) linearise(c, i);
     for (uint32_t i = 0; i < c->count && c->pairs; i++) {
         if (c->patch[c->point[i].patch].tool == PALP_CONTACT_TOOLS) add_other_side(c, i);

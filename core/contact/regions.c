@@ -42,7 +42,7 @@ static void claim(palp_contact *c, uint32_t tool, uint32_t from, uint32_t number
  */
 static uint32_t nearest_point(const palp_contact *c, uint32_t tool, palp_vec3 from_tool,
                               float *distance2) {
-    const palp_vec3 at = palp_add(c->patch[tool].tool_m, from_tool);
+    const palp_vec3 at = palp_add(c->patch[tool].at.t, from_tool);
     uint32_t nearest = PALP_LATTICE_MISS;
     *distance2 = 0.0f;
     for (uint32_t a = 0; a < c->active_count; a++) {
@@ -73,7 +73,7 @@ static uint32_t find_pieces(palp_contact *c, uint32_t tool) {
             count++;
         } else {
             float distance2;
-            const palp_vec3 from_tool = palp_sub(p->y, c->patch[tool].tool_m);
+            const palp_vec3 from_tool = palp_sub(p->y, c->patch[tool].at.t);
             number = c->point[nearest_point(c, tool, from_tool, &distance2)].region;
         }
         claim(c, tool, at, number);
@@ -150,7 +150,7 @@ static uint32_t share_out(palp_contact *c, uint32_t tool, descent *d, uint32_t p
     for (uint32_t a = 0; a < c->active_count; a++) {
         palp_contact_point *p = &c->point[c->active[a]];
         if (p->patch != tool || p->region != piece + PALP_CONTACT_REGIONS) continue;
-        const palp_vec3 from_tool = palp_sub(p->y, c->patch[tool].tool_m);
+        const palp_vec3 from_tool = palp_sub(p->y, c->patch[tool].at.t);
         p->region = (uint8_t)(first + nearest_leader(d, &l, from_tool));
     }
     return first + (l.count > 0u ? l.count : 1u);
@@ -164,7 +164,7 @@ static void measure(const palp_contact *c, uint32_t tool, uint32_t number,
     for (uint32_t a = 0; a < c->active_count; a++) {
         const palp_contact_point *p = &c->point[c->active[a]];
         if (p->patch != tool || p->region != number) continue;
-        const palp_vec3 r = palp_sub(p->y, patch->tool_m);
+        const palp_vec3 r = palp_sub(p->y, patch->at.t);
         sum += p->force_N;
         push = palp_madd(push, -p->force_N, p->out);
         centre = palp_madd(centre, p->force_N, r);

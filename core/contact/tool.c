@@ -5,10 +5,17 @@
 #define HEIGHT 0.6f       /* sqrt(1 - BETA^2) */
 #define SLOPE 1.3333334f  /* BETA / HEIGHT */
 #define MERGE 0.2f        /* width of the blend between balls, over the smaller radius */
-#define LEAST_FACING 0.3f /* a pad's depth is measured as if the node faced it at least so well */
+#define LEAST_FACING 0.3f /* a depth is measured as if the node faced the tool at least so well */
+#define LEAST_SLOPE 0.5f  /* of a field: below it the place lies between its sides */
 
 palp_tool palp_tool_sphere(float radius_m) {
     return (palp_tool){.balls = 1, .ball[0] = {.radius_m = radius_m}};
+}
+
+palp_tool palp_tool_capsule(palp_vec3 axis, float half_m, float radius_m) {
+    return (palp_tool){
+        .shape = PALP_TOOL_CYLINDER,
+        .cylinder = {.axis = axis, .radius_m = radius_m, .half_m = half_m, .rim_m = radius_m}};
 }
 
 static bool pad_is_sound(const palp_pad *p) {
@@ -28,22 +35,14 @@ static bool pad_is_sound(const palp_pad *p) {
     return sound;
 }
 
-static bool is_cylinder(const palp_tool *tool) {
-    return tool->balls == 0u && (tool->cylinder.radius_m > 0.0f || tool->cylinder.radius_m < 0.0f);
-}
-
 static bool cylinder_is_sound(const palp_cylinder *y) {
     float length = palp_norm(y->axis);
     return y->radius_m > 0.0f && y->half_m > 0.0f && y->rim_m > 0.0f &&
            palp_is_finite(y->radius_m + y->half_m + y->rim_m) && palp_abs(length - 1.0f) < 1e-3f;
 }
 
-bool palp_tool_is_sound(const palp_tool *tool) {
-    if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
-    if (!(tool->sliding >= 0.0f && tool->sliding <= tool->friction)) return false;
-    if (tool->balls > PALP_TOOL_BALLS) return false;
-    if (is_cylinder(tool)) return cylinder_is_sound(&tool->cylinder);
-    if (tool->balls == 0u) return pad_is_sound(&tool->pad);
+static bool balls_are_sound(const palp_tool *tool) {
+    if (tool->balls < 1u || tool->balls > PALP_TOOL_BALLS) return false;
     for (uint32_t i = 0; i < tool->balls; i++) {
         const palp_ball *b = &tool->ball[i];
         if (!(b->radius_m > 0.0f) || !palp_is_finite(b->radius_m)) return false;
@@ -52,12 +51,32 @@ bool palp_tool_is_sound(const palp_tool *tool) {
     return true;
 }
 
-float palp_tool_size(const palp_tool *tool) {
-    if (is_cylinder(tool)) return palp_min(tool->cylinder.radius_m, 4.0f * tool->cylinder.rim_m);
-    if (tool->balls == 0u) return tool->pad.edge_m;
+bool palp_tool_is_sound(const palp_tool *tool) {
+    if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
+    if (!(tool->sliding >= 0.0f && tool->sliding <= tool->friction)) return false;
+    switch (tool->shape) {
+    case PALP_TOOL_OF_BALLS: return balls_are_sound(tool);
+    case PALP_TOOL_CYLINDER: return cylinder_is_sound(&tool->cylinder);
+    case PALP_TOOL_PAD: return pad_is_sound(&tool->pad);
+    case PALP_TOOL_FIELD: return tool->field.sample != NULL;
+    default: return false;
+    }
+}
+
+static float least_ball(const palp_tool *tool) {
     float least = tool->ball[0].radius_m;
     for (uint32_t i = 1; i < tool->balls; i++) least = palp_min(least, tool->ball[i].radius_m);
     return least;
+}
+
+float palp_tool_size(const palp_tool *tool) {
+    const palp_cylinder *y = &tool->cylinder;
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER: return palp_min(y->radius_m, 4.0f * y->rim_m);
+    case PALP_TOOL_PAD: return tool->pad.edge_m;
+    case PALP_TOOL_FIELD: return tool->field.size_m;
+    default: return least_ball(tool);
+    }
 }
 
 /* Height psi(t) of a sphere of radius r at distance t off its axis, with its cone, and -psi'(t) /
@@ -72,8 +91,8 @@ static float profile(float r, float t, float *slope_over_t) {
     return HEIGHT * r - SLOPE * (t - BETA * r);
 }
 
-static palp_touch ball_at(const palp_ball *ball, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
-    palp_vec3 r = palp_sub(x, palp_add(c, ball->center_m));
+static palp_touch ball_at(const palp_ball *ball, palp_vec3 x, palp_vec3 n) {
+    palp_vec3 r = palp_sub(x, ball->center_m);
     float along = palp_dot(r, n);
     palp_vec3 tangential = palp_madd(r, -along, n);
     float t = palp_norm(tangential);
@@ -147,8 +166,7 @@ static float face_height(const palp_pad *p, float u, float v, float gradient[2])
     return height;
 }
 
-static palp_touch pad_at(const palp_pad *p, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
-    palp_vec3 r = palp_sub(x, c);
+static palp_touch pad_at(const palp_pad *p, palp_vec3 r, palp_vec3 n) {
     float u = palp_dot(r, p->axis[0]), v = palp_dot(r, p->axis[1]), gradient[2];
     float facing = -palp_dot(n, p->axis[2]);
     float over_cosine = 1.0f / palp_max(facing, LEAST_FACING);
@@ -165,8 +183,7 @@ static palp_touch pad_at(const palp_pad *p, palp_vec3 c, palp_vec3 x, palp_vec3 
 
 /* In the plane across the axis, where the node's normal has the length `lean`; the rims take away
  * from it beyond the ends. */
-static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
-    palp_vec3 r = palp_sub(x, c);
+static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 r, palp_vec3 n) {
     float z = palp_dot(r, y->axis), slope_over_t, rim_over_t;
     palp_vec3 across = palp_madd(r, -z, y->axis);
     palp_vec3 flat = palp_madd(n, -palp_dot(n, y->axis), y->axis);
@@ -191,19 +208,43 @@ static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 c, palp_vec3 x, 
                         .push = palp_scale(1.0f / lean, push)};
 }
 
-palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n) {
-    if (is_cylinder(tool)) return cylinder_at(&tool->cylinder, c, x, n);
-    if (tool->balls == 0u) return pad_at(&tool->pad, c, x, n);
-    palp_touch touch = ball_at(&tool->ball[0], c, x, n);
+static palp_touch balls_at(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
+    palp_touch touch = ball_at(&tool->ball[0], x, n);
     for (uint32_t i = 1; i < tool->balls; i++) {
         float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
-        touch = merge(touch, ball_at(&tool->ball[i], c, x, n), width);
+        touch = merge(touch, ball_at(&tool->ball[i], x, n), width);
     }
     return touch;
 }
 
-static palp_gap gap_of_ball(const palp_ball *ball, palp_vec3 c, palp_vec3 x) {
-    palp_vec3 r = palp_sub(palp_sub(x, c), ball->center_m);
+/* The distance along the field's own direction, over how well the node faces it. */
+static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
+    const palp_tool_distance d = palp_tool_field_at(f, x);
+    const float facing = -palp_dot(n, d.slope);
+    const float over = 1.0f / palp_max(facing, LEAST_FACING);
+    return (palp_touch){.depth_m = -d.distance_m * over,
+                        .facing = facing,
+                        .push = palp_scale(-over, d.slope)};
+}
+
+/* In the tool's own axes. */
+static palp_touch touch_of(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER: return cylinder_at(&tool->cylinder, x, n);
+    case PALP_TOOL_PAD: return pad_at(&tool->pad, x, n);
+    case PALP_TOOL_FIELD: return field_at(&tool->field, x, n);
+    default: return balls_at(tool, x, n);
+    }
+}
+
+palp_touch palp_tool_at(const palp_tool *tool, const palp_frame *at, palp_vec3 x, palp_vec3 n) {
+    palp_touch touch = touch_of(tool, palp_carry_back(at, x), palp_rotate_back(at->r, n));
+    touch.push = palp_rotate(at->r, touch.push);
+    return touch;
+}
+
+static palp_gap gap_of_ball(const palp_ball *ball, palp_vec3 x) {
+    palp_vec3 r = palp_sub(x, ball->center_m);
     float distance = palp_norm(r);
     palp_vec3 up = {0.0f, 0.0f, 1.0f};
     return (palp_gap){distance - ball->radius_m,
@@ -223,8 +264,7 @@ static palp_gap nearer(palp_gap a, palp_gap b, float width) {
 }
 
 /* A cylinder with rounded rims: distance from the inner cylinder, less the rim's radius. */
-static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 c, palp_vec3 x) {
-    palp_vec3 r = palp_sub(x, c);
+static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 r) {
     float z = palp_dot(r, y->axis), rim = palp_min(y->rim_m, y->radius_m);
     palp_vec3 across = palp_madd(r, -z, y->axis);
     float distance = palp_norm(across), side = z >= 0.0f ? 1.0f : -1.0f;
@@ -238,8 +278,7 @@ static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 c, palp_vec3 x
     return out >= over ? (palp_gap){out - rim, radial} : (palp_gap){over - rim, along};
 }
 
-static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 c, palp_vec3 x) {
-    palp_vec3 r = palp_sub(x, c);
+static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 r) {
     float gradient[2];
     float height = face_height(p, palp_dot(r, p->axis[0]), palp_dot(r, p->axis[1]), gradient);
     float slope = palp_sqrt(1.0f + gradient[0] * gradient[0] + gradient[1] * gradient[1]);
@@ -248,32 +287,125 @@ static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 c, palp_vec3 x) {
     return (palp_gap){(palp_dot(r, p->axis[2]) - height) / slope, palp_scale(1.0f / slope, n)};
 }
 
-palp_gap palp_tool_gap(const palp_tool *tool, palp_vec3 c, palp_vec3 x) {
-    if (is_cylinder(tool)) return gap_of_cylinder(&tool->cylinder, c, x);
-    if (tool->balls == 0u) return gap_of_pad(&tool->pad, c, x);
-    palp_gap gap = gap_of_ball(&tool->ball[0], c, x);
+static palp_gap gap_of_balls(const palp_tool *tool, palp_vec3 x) {
+    palp_gap gap = gap_of_ball(&tool->ball[0], x);
     for (uint32_t i = 1; i < tool->balls; i++) {
         float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
-        gap = nearer(gap, gap_of_ball(&tool->ball[i], c, x), width);
+        gap = nearer(gap, gap_of_ball(&tool->ball[i], x), width);
     }
     return gap;
+}
+
+/* Over its slope, as long as that is one: it vanishes where several sides are equally near. */
+static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
+    const palp_tool_distance d = palp_tool_field_at(f, x);
+    const palp_vec3 up = {0.0f, 0.0f, 1.0f};
+    const float slope = palp_norm(d.slope);
+    return (palp_gap){d.distance_m / palp_max(slope, LEAST_SLOPE),
+                      slope > 0.0f ? palp_scale(1.0f / slope, d.slope) : up};
+}
+
+/* In the tool's own axes. */
+static palp_gap gap_of(const palp_tool *tool, palp_vec3 x) {
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER: return gap_of_cylinder(&tool->cylinder, x);
+    case PALP_TOOL_PAD: return gap_of_pad(&tool->pad, x);
+    case PALP_TOOL_FIELD: return gap_of_field(&tool->field, x);
+    default: return gap_of_balls(tool, x);
+    }
+}
+
+palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x) {
+    palp_gap gap = gap_of(tool, palp_carry_back(at, x));
+    gap.normal = palp_rotate(at->r, gap.normal);
+    return gap;
+}
+
+/* ---- how far it extends ---- */
+
+static float largest_height(const palp_pad *p) {
+    float most = p->edge_m;
+    for (uint32_t i = 0; i < p->columns * p->rows; i++)
+        most = palp_max(most, palp_abs(p->height_m[i]));
+    return most;
+}
+
+static float extent_of_balls(const palp_tool *tool) {
+    float extent = 0.0f;
+    for (uint32_t i = 0; i < tool->balls; i++)
+        extent = palp_max(extent, palp_norm(tool->ball[i].center_m) + tool->ball[i].radius_m);
+    return extent;
+}
+
+/* Half of the corners' box about its middle, and where that is. */
+static palp_vec3 middle_of(const palp_tool_field *f, palp_vec3 *half) {
+    palp_vec3 low, high;
+    palp_tool_field_box(f, &low, &high);
+    *half = palp_scale(0.5f, palp_sub(high, low));
+    return palp_scale(0.5f, palp_add(low, high));
 }
 
 float palp_tool_extent(const palp_tool *tool) {
     const palp_cylinder *y = &tool->cylinder;
     const palp_pad *p = &tool->pad;
-    if (is_cylinder(tool)) {
-        float half = y->half_m + y->rim_m;
-        return palp_sqrt(half * half + y->radius_m * y->radius_m);
+    palp_vec3 half, middle;
+    float u, v, w;
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER:
+        u = y->half_m + y->rim_m;
+        return palp_sqrt(u * u + y->radius_m * y->radius_m);
+    case PALP_TOOL_PAD:
+        u = p->half_m[0] + p->edge_m, v = p->half_m[1] + p->edge_m, w = largest_height(p);
+        return palp_sqrt(u * u + v * v + w * w);
+    case PALP_TOOL_FIELD:
+        middle = middle_of(&tool->field, &half);
+        u = palp_abs(middle.x) + half.x, v = palp_abs(middle.y) + half.y;
+        w = palp_abs(middle.z) + half.z;
+        return palp_sqrt(u * u + v * v + w * w);
+    default: return extent_of_balls(tool);
     }
-    if (tool->balls == 0u) {
-        float u = p->half_m[0] + p->edge_m, v = p->half_m[1] + p->edge_m, most = p->edge_m;
-        for (uint32_t i = 0; i < p->columns * p->rows; i++)
-            most = palp_max(most, palp_abs(p->height_m[i]));
-        return palp_sqrt(u * u + v * v + most * most);
+}
+
+bool palp_tool_may_reach(const palp_tool *tool, palp_vec3 own, float reach_m) {
+    palp_vec3 half;
+    if (tool->shape != PALP_TOOL_FIELD) return true;
+    const palp_vec3 off = palp_sub(own, middle_of(&tool->field, &half));
+    return palp_abs(off.x) <= half.x + reach_m && palp_abs(off.y) <= half.y + reach_m &&
+           palp_abs(off.z) <= half.z + reach_m;
+}
+
+static float support_of_balls(const palp_tool *tool, palp_vec3 d) {
+    float most = palp_dot(tool->ball[0].center_m, d) + tool->ball[0].radius_m;
+    for (uint32_t i = 1; i < tool->balls; i++)
+        most = palp_max(most, palp_dot(tool->ball[i].center_m, d) + tool->ball[i].radius_m);
+    return most;
+}
+
+float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
+    const palp_cylinder *y = &tool->cylinder;
+    const palp_pad *p = &tool->pad;
+    palp_vec3 half, middle;
+    float along;
+    switch (tool->shape) {
+    case PALP_TOOL_CYLINDER:
+        along = palp_abs(palp_dot(d, y->axis));
+        return (y->half_m + y->rim_m) * along +
+               y->radius_m * palp_sqrt(palp_max(1.0f - along * along, 0.0f));
+    case PALP_TOOL_PAD:
+        return (p->half_m[0] + p->edge_m) * palp_abs(palp_dot(d, p->axis[0])) +
+               (p->half_m[1] + p->edge_m) * palp_abs(palp_dot(d, p->axis[1])) +
+               largest_height(p) * palp_abs(palp_dot(d, p->axis[2]));
+    case PALP_TOOL_FIELD:
+        middle = middle_of(&tool->field, &half);
+        return palp_dot(d, middle) + half.x * palp_abs(d.x) + half.y * palp_abs(d.y) +
+               half.z * palp_abs(d.z);
+    default: return support_of_balls(tool, d);
     }
-    float extent = 0.0f;
-    for (uint32_t i = 0; i < tool->balls; i++)
-        extent = palp_max(extent, palp_norm(tool->ball[i].center_m) + tool->ball[i].radius_m);
-    return extent;
+}
+
+palp_vec3 palp_tool_turned(const palp_tool *tool, const palp_frame *at, palp_vec3 turn_rad) {
+    if (palp_tool_is_ball(tool)) return (palp_vec3){0};
+    if (tool->shape != PALP_TOOL_CYLINDER) return turn_rad;
+    const palp_vec3 axis = palp_rotate(at->r, tool->cylinder.axis);
+    return palp_madd(turn_rad, -palp_dot(turn_rad, axis), axis);
 }

@@ -1,26 +1,39 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Rigid tools, and what a surface node sees of one.
+ * Rigid tools: where they are, and what a place or a node of a surface sees of one.
  *
- * For a node at x with outward normal n and a tool at c, the depth is how far the node must go
- * along -n to clear the tool. It is a smooth function of c (continuous gradient everywhere), and
- * the push is minus its gradient: the force on the tool for a unit normal force at the node. So
- * contact energy is a function of the tool's place alone, and its force the gradient.
+ * A tool has a reference point and axes of its own, in which its shape is given; a frame says where
+ * they are. Shapes:
  *
- * A tool is a set of up to PALP_TOOL_BALLS spheres, merged smoothly where they meet, a cylinder
- * with rounded rims, or a pad: a rectangle with rounded edges, flat or with a height field, facing
- * along its third axis. A sphere's depth goes over into a cone beyond PALP_TOOL_BETA of its radius,
- * so that it stays defined for every node.
+ *     balls      up to PALP_TOOL_BALLS spheres, merged smoothly where they meet
+ *     cylinder   with rounded rims; with rims of its own radius a capsule
+ *     pad        a rectangle with rounded edges, flat or with a height field, facing along its
+ *                third axis
+ *     field      any closed mesh, as a signed distance field (contact/tool_field.h)
+ *
+ * Contact on surfaces asks for the gap at a place. Imposed motion on dynamic bodies asks for the
+ * depth of a node x with outward normal n: how far the node must go along -n to clear the tool at
+ * c. It is a smooth function of c (continuous gradient everywhere), and the push is minus its
+ * gradient: the force on the tool for a unit normal force at the node. A sphere's depth goes over
+ * into a cone beyond PALP_TOOL_BETA of its radius, so that it stays defined for every node.
  */
 #ifndef PALP_CONTACT_TOOL_H
 #define PALP_CONTACT_TOOL_H
 
-#include "core/base/real.h"
+#include "core/base/frame.h"
+#include "core/contact/tool_field.h"
 #include <stddef.h>
 
 #define PALP_TOOL_BALLS 8u
 #define PALP_TOOL_BETA 0.8f
 #define PALP_TOOL_REACH 1.6f /* radii off the axis at which a node stops being of interest */
+
+typedef enum {
+    PALP_TOOL_OF_BALLS,
+    PALP_TOOL_CYLINDER,
+    PALP_TOOL_PAD,
+    PALP_TOOL_FIELD
+} palp_tool_shape;
 
 typedef struct {
     palp_vec3 center_m; /* from the tool's reference point */
@@ -42,10 +55,12 @@ typedef struct {
 } palp_cylinder;
 
 typedef struct {
-    uint32_t balls; /* 0: a cylinder if its radius is not 0, else a pad */
+    palp_tool_shape shape;
+    uint32_t balls; /* 1 to PALP_TOOL_BALLS of a tool of balls */
     palp_ball ball[PALP_TOOL_BALLS];
     palp_cylinder cylinder;
     palp_pad pad;
+    palp_tool_field field;
     float friction; /* Coulomb's mu, static; 0: none */
     float sliding;  /* mu while it slides, at most `friction`; 0: the same */
 } palp_tool;
@@ -64,11 +79,13 @@ typedef struct {
     palp_vec3 normal;
 } palp_gap;
 
-/* A sphere about the reference point. */
+/* A sphere about the reference point; and all places within radius_m of the segment from -half_m to
+ * half_m along a unit axis. */
 palp_tool palp_tool_sphere(float radius_m);
+palp_tool palp_tool_capsule(palp_vec3 axis, float half_m, float radius_m);
 
 /* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10 and not
- * below sliding. */
+ * below sliding, a field open. */
 bool palp_tool_is_sound(const palp_tool *tool);
 
 /* Coulomb's mu while the tool slides. */
@@ -76,18 +93,36 @@ static inline float palp_tool_sliding(const palp_tool *tool) {
     return tool->sliding > 0.0f ? tool->sliding : tool->friction;
 }
 
-/* The smallest radius, of balls, cylinder or edges: the scale of its search margins (m). */
+/* The scale of its search margins (m): the smallest radius, of balls, cylinder or edges; of a field
+ * that of its largest ball inside. */
 float palp_tool_size(const palp_tool *tool);
 
-/* What the node at x with unit normal n sees of the tool at c. Cost: about 60 operations per ball,
- * 120 for a cylinder, 160 for a pad. */
-palp_touch palp_tool_at(const palp_tool *tool, palp_vec3 c, palp_vec3 x, palp_vec3 n);
+/* What the node at x with unit normal n sees of the tool. Cost: a frame, and about 60 operations per
+ * ball, 120 for a cylinder, 160 for a pad, 200 for a field. */
+palp_touch palp_tool_at(const palp_tool *tool, const palp_frame *at, palp_vec3 x, palp_vec3 n);
 
-/* The gap at x of the tool at c: a distance for balls and cylinders; for a pad the height over the
- * face divided by its slope, whatever lies behind the face being inside. Costs as palp_tool_at. */
-palp_gap palp_tool_gap(const palp_tool *tool, palp_vec3 c, palp_vec3 x);
+/* The gap at x: a distance for balls and cylinders; for a pad the height over the face, for a field
+ * its value, divided by its slope. Whatever lies behind a pad's face is inside. Costs as
+ * palp_tool_at. */
+palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x);
 
 /* Radius about the reference point within which the surface that touches lies (m). */
 float palp_tool_extent(const palp_tool *tool);
+
+/* Whether a place in the tool's own axes may be within reach_m of it: false only where it is not. A
+ * box, which takes less than a gap. */
+bool palp_tool_may_reach(const palp_tool *tool, palp_vec3 own, float reach_m);
+
+/* How far it extends from the reference point along a unit direction of its own axes (m); at most
+ * by a box for pads, cylinders and fields. */
+float palp_tool_support(const palp_tool *tool, palp_vec3 own_direction);
+
+/* What of a turn changes how the tool lies: nothing of a ball's, nothing about a cylinder's axis. */
+palp_vec3 palp_tool_turned(const palp_tool *tool, const palp_frame *at, palp_vec3 turn_rad);
+
+/* One ball, which looks the same from all sides of its centre. */
+static inline bool palp_tool_is_ball(const palp_tool *tool) {
+    return tool->shape == PALP_TOOL_OF_BALLS && tool->balls == 1u;
+}
 
 #endif

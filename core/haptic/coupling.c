@@ -5,15 +5,17 @@
  * own motion; and a tool in contact, from where it was foreseen. */
 #define LARGEST_MOVE 0.05f
 #define LARGEST_STEP 0.1f
-#define APART 1.001f /* of a tool that is put on the surface, over its extent */
+#define LARGEST_TURN 0.1f /* rad */
+#define APART 1.001f /* of a tool that is put on the surface, over how far it extends to it */
 
 void palp_coupling_reset(palp_coupling *coupling) {
     for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         k->placed = k->touching = false;
         k->searched = 0;
-        k->contact_N = k->offset_N = k->carried_m = (palp_vec3){0};
-        k->contact_stiffness_N_per_m = 0.0f;
+        k->contact = k->offset = (palp_wrench){.force_N = {0}};
+        k->held_Nm = k->carried_m = (palp_vec3){0};
+        k->yield_per_J = 0.0f;
         palp_friction_reset(&k->friction);
     }
     coupling->settling = 0;
@@ -68,45 +70,73 @@ static bool search_on(palp_coupling_tool *k, const palp_contact *c, palp_vec3 at
 
 /* A place for a tool that is found at `at`: there, or above the surface if that is inside a body,
  * seen from the nearest node. */
-static palp_vec3 outside(const palp_contact *c, uint32_t t, uint32_t nearest, palp_vec3 at) {
+static palp_frame outside(const palp_contact *c, uint32_t t, uint32_t nearest, palp_frame at) {
     palp_vec3 n, x = node_position(c, nearest, &n);
-    if (palp_dot(palp_sub(at, x), n) >= 0.0f) return at;
-    return palp_madd(x, APART * palp_tool_extent(&c->tools[t]), n);
+    if (palp_dot(palp_sub(at.t, x), n) >= 0.0f) return at;
+    const palp_vec3 down = palp_rotate_back(at.r, palp_scale(-1.0f, n));
+    at.t = palp_madd(x, APART * palp_max(palp_tool_support(&c->tools[t], down), 0.0f), n);
+    return at;
+}
+
+/* ---- where a tool will be ---- */
+
+static palp_frame moved_by(const palp_frame *f, palp_vec3 by_m, palp_vec3 turn_rad) {
+    palp_frame out = {.t = palp_add(f->t, by_m)};
+    palp_turn_by(turn_rad, f->r, out.r);
+    return out;
+}
+
+/* Without contact: with its device, and towards it. */
+static palp_frame follow(const palp_coupling_tool *k, const palp_frame *device, float size) {
+    palp_frame at = *device;
+    at.t = approach(palp_add(k->tool.t, palp_sub(device->t, k->device.t)), device->t,
+                    LARGEST_MOVE * size);
+    return at;
+}
+
+/* What friction that sticks keeps from the tool of a motion across the contact. */
+static palp_vec3 kept_across(const palp_coupling_tool *k, palp_vec3 dx) {
+    const palp_vec3 force = k->contact.force_N;
+    if (k->friction.regions == 0u || k->friction.slipping) return (palp_vec3){0};
+    const palp_vec3 across = palp_madd(dx, -palp_dot(force, dx) / palp_dot(force, force), force);
+    return palp_scale(palp_friction_share(&k->friction, k->stiffness_N_per_m), across);
 }
 
 /* `carried_m`: how the bodies that press the tool have moved. */
-static palp_vec3 foresee(const palp_coupling_tool *k, palp_vec3 device_m, palp_vec3 carried_m,
-                         float size) {
-    if (!k->touching)
-        return approach(palp_add(k->tool_m, palp_sub(device_m, k->device_m)), device_m,
-                        LARGEST_MOVE * size);
-    palp_vec3 dx = palp_sub(device_m, k->device_m);
-    float force = palp_norm(k->contact_N);
-    palp_vec3 moved = palp_add(k->tool_m, dx);
-    if (!(force > 0.0f)) return moved;
-    dx = palp_sub(dx, carried_m);
-    float along = palp_dot(k->contact_N, dx) / (force * force);
-    float share =
-        k->contact_stiffness_N_per_m / (k->contact_stiffness_N_per_m + k->stiffness_N_per_m);
-    moved = palp_madd(moved, -along * share, k->contact_N);
-    /* friction that sticks holds the tool across the contact, too */
-    if (k->friction.regions == 0u || k->friction.slipping) return moved;
-    palp_vec3 across = palp_madd(dx, -along, k->contact_N);
-    return palp_madd(moved, -palp_friction_share(&k->friction, k->stiffness_N_per_m), across);
+static palp_frame foresee(const palp_coupling_tool *k, const palp_frame *device,
+                          palp_vec3 carried_m, float size) {
+    if (!k->touching) return follow(k, device, size);
+    const palp_vec3 force = k->contact.force_N, moment = k->contact.moment_Nm;
+    const palp_vec3 dx = palp_sub(device->t, k->device.t);
+    const palp_vec3 turn = palp_turn_between(k->device.r, device->r);
+    const float soft = 1.0f / k->stiffness_N_per_m, turns = k->stiffness_Nm_per_rad;
+    palp_frame at = moved_by(&k->tool, dx, turn);
+    if (!(turns > 0.0f))
+        for (uint32_t e = 0; e < 9u; e++) at.r[e] = device->r[e];
+    if (!(palp_dot(force, force) > 0.0f)) return at;
+    const palp_vec3 against = palp_sub(dx, carried_m);
+    float gives = soft * palp_dot(force, force);
+    if (turns > 0.0f) gives += palp_dot(moment, moment) / turns;
+    const float work = palp_dot(force, against) + palp_dot(moment, turn);
+    const float more = -k->yield_per_J * work / (1.0f + k->yield_per_J * gives);
+    at.t = palp_madd(at.t, more * soft, force);
+    if (turns > 0.0f) at = moved_by(&at, (palp_vec3){0}, palp_scale(more / turns, moment));
+    at.t = palp_sub(at.t, kept_across(k, against));
+    return at;
 }
 
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
-                         const palp_vec3 *device_m) {
+                         const palp_frame *device) {
     bool ready = true;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         float size = palp_tool_size(&contact->tools[t]);
-        coupling->next_m[t] = device_m[t];
+        coupling->next[t] = device[t];
         if (!k->placed) {
-            k->placed = search_on(k, contact, device_m[t]);
-            k->tool_m = k->placed ? outside(contact, t, k->nearest, device_m[t]) : device_m[t];
-            k->expected_m = k->tool_m;
-            k->device_m = device_m[t];
+            k->placed = search_on(k, contact, device[t].t);
+            k->tool = k->placed ? outside(contact, t, k->nearest, device[t]) : device[t];
+            k->expected = k->tool;
+            k->device = device[t];
             ready = ready && k->placed;
             continue;
         }
@@ -114,23 +144,31 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         const palp_vec3 carried = palp_sub(all, k->carried_m); /* in this tick */
         k->carried_m = all;
         palp_friction_carry(&k->friction, carried);
-        k->expected_m = foresee(k, device_m[t], carried, size);
+        k->expected = foresee(k, &device[t], carried, size);
     }
     return ready;
 }
 
 void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
-                           palp_vec3 *tool_m, palp_contact_spring *spring) {
+                           palp_frame *at, palp_contact_spring *spring) {
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         const palp_coupling_tool *k = &coupling->tool[t];
-        palp_vec3 held = palp_add(k->friction.force_N, k->offset_N);
-        tool_m[t] = k->expected_m;
-        spring[t].stiffness_N_per_m = k->stiffness_N_per_m;
-        spring[t].held_m = palp_madd(coupling->next_m[t], 1.0f / k->stiffness_N_per_m, held);
+        const palp_vec3 held = palp_add(k->friction.force_N, k->offset.force_N);
+        at[t] = k->expected;
+        spring[t] = (palp_contact_spring){.held = coupling->next[t],
+                                          .stiffness_N_per_m = k->stiffness_N_per_m,
+                                          .stiffness_Nm_per_rad = k->stiffness_Nm_per_rad};
+        spring[t].held.t = palp_madd(coupling->next[t].t, 1.0f / k->stiffness_N_per_m, held);
+        if (!(k->stiffness_Nm_per_rad > 0.0f)) continue;
+        const palp_vec3 turn = palp_scale(1.0f / k->stiffness_Nm_per_rad,
+                                          palp_add(k->held_Nm, k->offset.moment_Nm));
+        palp_turn_by(turn, coupling->next[t].r, spring[t].held.r);
     }
 }
 
-/* -b v along a force, at most a share of it. */
+/* ---- the end of a tick ---- */
+
+/* -b v along a force (or moment), at most a share of it. */
 static palp_vec3 damp_along(palp_vec3 force, float damping, palp_vec3 velocity) {
     const float size = palp_norm(force), most = PALP_COUPLING_DAMPED * size;
     if (!(size > 0.0f)) return (palp_vec3){0};
@@ -140,96 +178,170 @@ static palp_vec3 damp_along(palp_vec3 force, float damping, palp_vec3 velocity) 
 
 /* Along the contact's force and, where friction sticks, along that. */
 static palp_vec3 damper(const palp_coupling_tool *k, palp_vec3 velocity) {
-    const palp_vec3 normal = damp_along(k->contact_N, k->damping_Ns_per_m, velocity);
+    const palp_vec3 normal = damp_along(k->contact.force_N, k->damping_Ns_per_m, velocity);
     if (k->friction.regions == 0u || k->friction.slipping) return normal;
     return palp_add(normal, damp_along(k->friction.force_N, k->damping_Ns_per_m, velocity));
 }
 
-/* Ends a tick for one tool, at rest at `tool_m`. */
-static void end(palp_coupling *coupling, uint32_t t, palp_vec3 tool_m, float stored_J, float dt_s,
-                palp_coupling_result *result) {
-    palp_coupling_tool *k = &coupling->tool[t];
-    const palp_vec3 device = coupling->next_m[t];
-    palp_vec3 force = {0};
-    float damped = 0.0f;
-    float moved = palp_norm(palp_sub(tool_m, k->expected_m));
-    k->tool_m = tool_m;
-    if (k->touching) force = palp_scale(k->stiffness_N_per_m, palp_sub(tool_m, device));
-    float energy =
-        stored_J + k->friction.energy_J + 0.5f / k->stiffness_N_per_m * palp_dot(force, force);
-    if (k->touching) {
-        palp_vec3 velocity = palp_scale(1.0f / dt_s, palp_sub(device, k->device_m));
-        if (k->measured) velocity = k->velocity_m_s;
-        const palp_vec3 d = damper(k, velocity);
-        damped = -palp_dot(d, velocity);
-        force = palp_add(force, d);
-        /* a tool that lags behind must not pull */
-        const float size2 = palp_dot(k->contact_N, k->contact_N),
-                    along = palp_dot(force, k->contact_N);
-        if (along < 0.0f && size2 > 0.0f) force = palp_madd(force, -along / size2, k->contact_N);
+/* Of the springs between a tool and its device. */
+static palp_wrench spring_wrench(const palp_coupling_tool *k, const palp_frame *tool,
+                                 const palp_frame *device) {
+    palp_wrench w = {
+        .force_N = palp_scale(k->stiffness_N_per_m, palp_sub(tool->t, device->t))};
+    if (k->stiffness_Nm_per_rad > 0.0f)
+        w.moment_Nm =
+            palp_scale(k->stiffness_Nm_per_rad, palp_turn_between(device->r, tool->r));
+    return w;
+}
+
+/* Adds the dampers; returns the power that they take up. */
+static float damp(const palp_coupling_tool *k, const palp_frame *device, float dt_s,
+                  palp_wrench *w) {
+    palp_vec3 velocity = k->velocity_m_s, turning = k->velocity_rad_s;
+    if (!k->measured) {
+        velocity = palp_scale(1.0f / dt_s, palp_sub(device->t, k->device.t));
+        turning = palp_scale(1.0f / dt_s, palp_turn_between(k->device.r, device->r));
     }
-    k->device_m = device;
-    k->offset_N = palp_scale(1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f), k->offset_N);
-    result[t] = (palp_coupling_result){.force_N = force,
-                                       .tool_m = tool_m,
+    const palp_vec3 d = damper(k, velocity);
+    w->force_N = palp_add(w->force_N, d);
+    if (!(k->stiffness_Nm_per_rad > 0.0f)) return -palp_dot(d, velocity);
+    const palp_vec3 r = damp_along(k->contact.moment_Nm, k->damping_Nms_per_rad, turning);
+    w->moment_Nm = palp_add(w->moment_Nm, r);
+    return -palp_dot(d, velocity) - palp_dot(r, turning);
+}
+
+/* Ends a tick for one tool, at rest at `tool`. */
+static void end(palp_coupling *coupling, uint32_t t, const palp_frame *tool, float stored_J,
+                float dt_s, palp_coupling_result *result) {
+    palp_coupling_tool *k = &coupling->tool[t];
+    const palp_frame device = coupling->next[t];
+    palp_wrench w = {.force_N = {0}};
+    float damped = 0.0f;
+    float moved = palp_norm(palp_sub(tool->t, k->expected.t));
+    k->tool = *tool;
+    if (k->touching) w = spring_wrench(k, tool, &device);
+    float energy = stored_J + k->friction.energy_J +
+                   0.5f / k->stiffness_N_per_m * palp_dot(w.force_N, w.force_N);
+    if (k->stiffness_Nm_per_rad > 0.0f)
+        energy += 0.5f / k->stiffness_Nm_per_rad * palp_dot(w.moment_Nm, w.moment_Nm);
+    if (k->touching) {
+        if (!(k->stiffness_Nm_per_rad > 0.0f))
+            w.moment_Nm = palp_add(k->contact.moment_Nm, k->friction.moment_Nm);
+        damped = damp(k, &device, dt_s, &w);
+        /* a tool that lags behind must not pull */
+        const palp_vec3 contact = k->contact.force_N;
+        const float size2 = palp_dot(contact, contact), along = palp_dot(w.force_N, contact);
+        if (along < 0.0f && size2 > 0.0f) w.force_N = palp_madd(w.force_N, -along / size2, contact);
+    }
+    k->device = device;
+    const float fade = 1.0f - palp_min(dt_s / PALP_COUPLING_FADE_S, 1.0f);
+    k->offset.force_N = palp_scale(fade, k->offset.force_N);
+    k->offset.moment_Nm = palp_scale(fade, k->offset.moment_Nm);
+    result[t] = (palp_coupling_result){.force_N = w.force_N,
+                                       .moment_Nm = w.moment_Nm,
+                                       .tool = *tool,
                                        .moved_m = moved,
                                        .damped_W = damped,
                                        .energy_J = energy};
+}
+
+static palp_vec3 at_most(palp_vec3 v, float most) {
+    const float length = palp_norm(v);
+    return length > most ? palp_scale(most / length, v) : v;
+}
+
+/* What a change of level has changed the answer by goes on as a force of its own. */
+static void keep_offset(palp_coupling_tool *k, const palp_contact *c, uint32_t t,
+                        palp_frame *rest) {
+    const palp_wrench from = spring_wrench(k, &k->expected, rest); /* as if held at rest */
+    const palp_vec3 force =
+        at_most(from.force_N, PALP_COUPLING_OFFSET * palp_norm(c->force_N[t]));
+    const palp_vec3 moment =
+        at_most(from.moment_Nm, PALP_COUPLING_OFFSET * palp_norm(c->moment_Nm[t]));
+    k->offset.force_N = palp_add(k->offset.force_N, force);
+    k->offset.moment_Nm = palp_add(k->offset.moment_Nm, moment);
+    rest->t = palp_madd(rest->t, 1.0f / k->stiffness_N_per_m, force);
+    if (k->stiffness_Nm_per_rad > 0.0f)
+        *rest = moved_by(rest, (palp_vec3){0}, palp_scale(1.0f / k->stiffness_Nm_per_rad, moment));
+}
+
+/* Friction's force and moment on the springs. The force is solved with them. The moment comes in as
+ * fast as does not make the tool swing against what sticks. */
+static void rub(palp_coupling *coupling, palp_contact *c, uint32_t t, palp_frame *rest) {
+    palp_coupling_tool *k = &coupling->tool[t];
+    const palp_vec3 before = k->friction.force_N;
+    palp_friction_solve(&k->friction, &coupling->work, c, t, rest, k->stiffness_N_per_m);
+    rest->t = palp_madd(rest->t, 1.0f / k->stiffness_N_per_m,
+                        palp_sub(k->friction.force_N, before));
+    const float turns = k->stiffness_Nm_per_rad;
+    if (!(turns > 0.0f)) return;
+    const float share = turns / (turns + k->friction.sticking_Nm);
+    const palp_vec3 more = palp_scale(share, palp_sub(k->friction.moment_Nm, k->held_Nm));
+    k->held_Nm = palp_add(k->held_Nm, more);
+    *rest = moved_by(rest, (palp_vec3){0}, palp_scale(1.0f / turns, more));
+}
+
+/* Towards where it comes to rest, as far as it may go in a tick. */
+static palp_frame step_to(const palp_frame *from, const palp_frame *to, float size) {
+    palp_frame at = *to;
+    at.t = approach(from->t, to->t, LARGEST_STEP * size);
+    const palp_vec3 turn = palp_turn_between(from->r, to->r);
+    if (palp_norm(turn) > LARGEST_TURN)
+        palp_turn_by(at_most(turn, LARGEST_TURN), from->r, at.r);
+    return at;
 }
 
 void palp_coupling_take(palp_coupling *coupling, palp_contact *c, float dt_s,
                         palp_coupling_result *result) {
     for (uint32_t t = 0; t < c->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
-        const float size = palp_tool_size(&c->tools[t]), force = palp_norm(c->force_N[t]);
-        palp_vec3 rest = c->rest_m[t];
-        if (coupling->settling > 0u && k->touching && c->normal_N[t] > 0.0f) {
-            palp_vec3 foreseen = palp_sub(k->expected_m, rest);
-            palp_vec3 offset = palp_scale(k->stiffness_N_per_m, foreseen);
-            float most = PALP_COUPLING_OFFSET * force, length = palp_norm(offset);
-            if (length > most) offset = palp_scale(most / length, offset);
-            k->offset_N = palp_add(k->offset_N, offset);
-            rest = palp_madd(rest, 1.0f / k->stiffness_N_per_m, offset);
-        }
-        if (c->tools[t].friction > 0.0f) {
-            palp_vec3 before = k->friction.force_N;
-            palp_friction_solve(&k->friction, &coupling->work, c, t, rest, k->stiffness_N_per_m);
-            rest =
-                palp_madd(rest, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
-        }
-        k->touching = c->normal_N[t] > 0.0f;
+        const bool touches = c->normal_N[t] > 0.0f, rubs = c->tools[t].friction > 0.0f;
+        palp_frame rest = c->rest[t];
+        if (coupling->settling > 0u && k->touching && touches) keep_offset(k, c, t, &rest);
+        if (rubs) rub(coupling, c, t, &rest);
+        k->touching = touches;
         k->carried_m = (palp_vec3){0};
-        k->contact_N = c->force_N[t];
+        k->contact = (palp_wrench){c->force_N[t], c->moment_Nm[t]};
         const float energy = palp_contact_energy(c, c->normal_N[t]);
-        k->contact_stiffness_N_per_m = energy > 0.0f ? 0.6f * force * force / energy : 0.0f;
-        if (!k->touching) k->offset_N = (palp_vec3){0};
-        if (k->touching) {
-            rest = approach(k->expected_m, rest, LARGEST_STEP * size);
+        k->yield_per_J = energy > 0.0f ? 0.6f / energy : 0.0f;
+        if (touches) {
+            rest = step_to(&k->expected, &rest, palp_tool_size(&c->tools[t]));
         } else {
-            rest = k->expected_m;
+            rest = k->expected;
+            k->offset = (palp_wrench){.force_N = {0}};
+            k->held_Nm = (palp_vec3){0};
         }
-        end(coupling, t, rest, c->energy_J, dt_s, result);
-        if (c->tools[t].friction > 0.0f) palp_friction_settle(&k->friction, rest);
+        end(coupling, t, &rest, c->energy_J, dt_s, result);
+        if (rubs) palp_friction_settle(&k->friction, &rest);
     }
     if (coupling->settling > 0u) coupling->settling--;
+}
+
+/* What the springs now carry is what the contact is taken to give; false when it has let go. */
+static bool go_on(palp_coupling_tool *k, const palp_frame *device) {
+    const palp_wrench spring = spring_wrench(k, &k->expected, device);
+    const palp_vec3 before = k->contact.force_N;
+    const palp_vec3 force =
+        palp_sub(palp_sub(spring.force_N, k->friction.force_N), k->offset.force_N);
+    const float along = palp_dot(force, before);
+    if (!(along > 0.0f)) return false;
+    k->contact.force_N = force;
+    k->contact.moment_Nm =
+        k->stiffness_Nm_per_rad > 0.0f
+            ? palp_sub(palp_sub(spring.moment_Nm, k->held_Nm), k->offset.moment_Nm)
+            : palp_scale(along / palp_dot(before, before), k->contact.moment_Nm);
+    return true;
 }
 
 void palp_coupling_hold(palp_coupling *coupling, const palp_contact *contact, float dt_s,
                         palp_coupling_result *result) {
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
-        if (k->touching) { /* what the spring now carries is what the contact is taken to give */
-            palp_vec3 spring =
-                palp_scale(k->stiffness_N_per_m, palp_sub(k->expected_m, coupling->next_m[t]));
-            palp_vec3 contact_N = palp_sub(palp_sub(spring, k->friction.force_N), k->offset_N);
-            if (palp_dot(contact_N, k->contact_N) > 0.0f) {
-                k->contact_N = contact_N;
-            } else { /* it has let go */
-                k->touching = false;
-                k->contact_N = (palp_vec3){0};
-                k->expected_m = coupling->next_m[t];
-            }
+        if (k->touching && !go_on(k, &coupling->next[t])) {
+            k->touching = false;
+            k->contact = (palp_wrench){.force_N = {0}};
+            k->expected = coupling->next[t];
         }
-        end(coupling, t, k->expected_m, contact->energy_J, dt_s, result);
+        end(coupling, t, &k->expected, contact->energy_J, dt_s, result);
     }
 }

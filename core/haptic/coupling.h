@@ -7,6 +7,11 @@
  *                                                      O what a change of level left over
  *     force on the hand = k (tool - device) + D        while touching, else 0
  *
+ * A device whose wrist has motors may hold the tool's directions by a spring k_r in the same manner,
+ * with moments about the reference point for forces and the turn from device to tool for the way.
+ * Without it the tool has the directions of the device, and the moment on the hand is that on the
+ * tool: what a wrist with encoders alone lets nobody feel.
+ *
  * The damper D acts against the velocity v of the device along F alone, and along T where that
  * sticks, by at most half of each:
  *
@@ -18,6 +23,8 @@
  * the stiffness k_c = 0.6 F^2 / E (exact for Hertz' law), not at all across it,
  *
  *     tool' = tool + dx - n n . (dx - db) k_c / (k_c + k)    dx, db: motion of device and body
+ *
+ * (with a turn: along force and moment together, by the work that the motion does against them).
  *
  * That place serves to lay the contact points, and as the answer of a tick that has no time for
  * more: the body goes on resisting as it did. A tool that leaves the surface is put at the device.
@@ -42,14 +49,17 @@
 typedef struct {
     float stiffness_N_per_m; /* k > 0 */
     float damping_Ns_per_m;  /* b >= 0 */
-    palp_vec3 tool_m, device_m;
-    palp_vec3 velocity_m_s; /* of the device, set by who measures it better than by differences */
-    bool measured;          /* of places; then this is set too */
-    palp_vec3 expected_m;   /* the tool, foreseen for the tick under way */
-    palp_vec3 contact_N;    /* F of the last answer */
-    palp_vec3 offset_N;     /* O */
-    palp_vec3 carried_m;    /* by the bodies that press it, since that answer */
-    float contact_stiffness_N_per_m; /* k_c */
+    float stiffness_Nm_per_rad, damping_Nms_per_rad; /* k_r; 0: the device's directions */
+    palp_frame tool, device;
+    palp_vec3 velocity_m_s, velocity_rad_s; /* of the device, set by who measures it better than by
+                                               differences of places */
+    bool measured;                          /* then this is set too */
+    palp_frame expected;                    /* the tool, foreseen for the tick under way */
+    palp_wrench contact;                    /* F of the last answer, about the tool */
+    palp_wrench offset;                     /* O */
+    palp_vec3 held_Nm;                      /* what of friction's moment turns the tool */
+    palp_vec3 carried_m;                    /* by the bodies that press it, since that answer */
+    float yield_per_J;                      /* k_c / F^2 */
     palp_friction friction;
     bool placed, touching;
     uint32_t searched, nearest; /* nodes, before it is placed */
@@ -58,14 +68,14 @@ typedef struct {
 
 typedef struct {
     palp_coupling_tool tool[PALP_CONTACT_TOOLS];
-    palp_vec3 next_m[PALP_CONTACT_TOOLS]; /* devices in the tick under way */
+    palp_frame next[PALP_CONTACT_TOOLS]; /* devices in the tick under way */
     uint32_t settling; /* answers that the contact still takes to settle on another level */
     palp_friction_work work;
 } palp_coupling;
 
 typedef struct {
-    palp_vec3 force_N; /* on the device */
-    palp_vec3 tool_m;
+    palp_vec3 force_N, moment_Nm; /* on the device, about the tool's reference point */
+    palp_frame tool;
     float moved_m;  /* how far the tool came to rest from where it was foreseen */
     float damped_W; /* taken up by D */
     float energy_J; /* stored in the contact, this tool's spring and friction */
@@ -75,17 +85,17 @@ typedef struct {
 void palp_coupling_reset(palp_coupling *coupling);
 
 /*
- * Begins a tick with the devices at device_m[tool_count]. After a reset a tool is first placed, by
+ * Begins a tick with the devices at device[tool_count]. After a reset a tool is first placed, by
  * the node of the body that is nearest to its device, PALP_COUPLING_SEARCHED of them in a tick;
  * false while one is not: there is no contact to be solved yet, and palp_coupling_hold answers 0.
  * Cost: 60 per tool, or 10 for each node compared.
  */
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
-                         const palp_vec3 *device_m);
+                         const palp_frame *device);
 
 /* Where the contact should search, and the springs that it should solve with. */
 void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
-                           palp_vec3 *tool_m, palp_contact_spring *spring);
+                           palp_frame *at, palp_contact_spring *spring);
 
 /* Takes the solved contact over as this tick's answer. Friction: palp_friction_solve. */
 void palp_coupling_take(palp_coupling *coupling, palp_contact *contact, float dt_s,

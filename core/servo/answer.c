@@ -217,10 +217,10 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
     palp_contact *c = &a->contact;
     const palp_contact_level l = palp_contact_cost_level(&a->bound, c->now);
     const float rest = solve_cost(&a->bound, l, PALP_ANSWER_ITERATIONS);
-    palp_vec3 tool_m[PALP_CONTACT_TOOLS];
+    palp_frame at[PALP_CONTACT_TOOLS];
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_coupling_springs(&a->coupling, c, tool_m, spring);
-    palp_contact_begin(c, tool_m, spring);
+    palp_coupling_springs(&a->coupling, c, at, spring);
+    palp_contact_begin(c, at, spring);
     bool more = true;
     /* at most patches times PALP_LATTICE_FILLINGS */
     while (more) {
@@ -313,7 +313,7 @@ uint64_t palp_answer_work(const palp_answer *answer) {
     return answer->contact.work_done + (a != NULL ? a->seams.work_done : 0u);
 }
 
-void palp_answer_tick(palp_answer *a, uint64_t start_ns, const palp_vec3 *device_m,
+void palp_answer_tick(palp_answer *a, uint64_t start_ns, const palp_frame *device,
                       palp_coupling_result *result, palp_answer_report *report) {
     palp_contact *c = &a->contact;
     palp_answer_report r = {.flags = 0};
@@ -323,7 +323,7 @@ void palp_answer_tick(palp_answer *a, uint64_t start_ns, const palp_vec3 *device
         keep_up(a);
         r.moving = a->moving.report;
     }
-    const bool placed = palp_coupling_begin(&a->coupling, c, device_m);
+    const bool placed = palp_coupling_begin(&a->coupling, c, device);
     const float rest =
         palp_answer_cost_least(&a->bound, c->now) - palp_answer_cost_around(&a->bound);
     bool fits = rest <= left_ns(a);

@@ -86,13 +86,13 @@ void palp_answer_spare(palp_answer *answer);
 uint64_t palp_answer_work(const palp_answer *answer);
 
 /*
- * A tick that began at start_ns on the port's clock, with the devices at device_m[tool_count].
+ * A tick that began at start_ns on the port's clock, with the devices at device[tool_count].
  *
  * report->doubt_N is an estimate: the largest error of the level in use against the finest one in
  * the presses that bake made (palp_regular.level_error), times the force; and when the tick was
  * held, half of what the force has changed by since a contact was last solved.
  */
-void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_vec3 *device_m,
+void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_frame *device,
                       palp_coupling_result *result, palp_answer_report *report);
 
 /* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE +

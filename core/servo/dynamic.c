@@ -33,7 +33,7 @@ void palp_dynamic_refine_all(palp_dynamic *d) {
 }
 
 palp_status palp_dynamic_init(palp_dynamic *d, const palp_dynamic_config *config,
-                              const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns) {
+                              const palp_frame *at, void *memory, size_t bytes, float *bound_ns) {
     palp_arena a = {memory, 0};
     void *part[3];
     size_t size[3];
@@ -56,7 +56,7 @@ palp_status palp_dynamic_init(palp_dynamic *d, const palp_dynamic_config *config
                                        .adapt = config->uniform ? NULL : &d->adapt,
                                        .tools = config->tools,
                                        .tool_count = config->tool_count,
-                                       .at_m = at_m,
+                                       .at = at,
                                        .max_points = config->max_points};
     status = palp_impose_init(&d->impose, &impose, part[2], size[2]);
     if (status != PALP_OK) return status;
@@ -172,18 +172,19 @@ static void count_nodes(const palp_dynamic *d, palp_dynamic_report *r) {
     r->interface = d->dyna.up_count + d->dyna.down_count;
 }
 
-static float work_of_tools(const palp_impose *p, const palp_vec3 *force_N) {
+static float work_of_tools(const palp_impose *p, const palp_wrench *on_tool) {
     float sum = 0.0f;
     for (uint32_t t = 0; t < p->tool_count; t++)
-        sum -= palp_dot(force_N[t], palp_sub(p->to_m[t], p->from_m[t]));
+        sum -= palp_dot(on_tool[t].force_N, palp_sub(p->to[t].t, p->from[t].t)) +
+               palp_dot(on_tool[t].moment_Nm, p->turn_rad[t]);
     return sum;
 }
 
-static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
+static void run(palp_dynamic *d, uint32_t most_class, const palp_frame *tool,
                 palp_dynamic_report *r) {
     uint64_t before = d->dyna.evaluations;
     uint64_t overflow = d->impose.overflow;
-    palp_impose_begin(&d->impose, tool_m);
+    palp_impose_begin(&d->impose, tool);
     r->steps = palp_dyna_steps(&d->dyna, most_class);
     for (uint32_t s = 0; s < r->steps; s++) {
         palp_dyna_forces(&d->dyna, s, r->steps);
@@ -191,7 +192,7 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_vec3 *tool_m,
         palp_impose_step(&d->impose, s, r->steps);
         palp_dyna_interpolate(&d->dyna);
     }
-    palp_impose_end(&d->impose, d->force_N);
+    palp_impose_end(&d->impose, d->on_tool);
     r->evaluations = (uint32_t)(d->dyna.evaluations - before);
     r->points = d->impose.count;
     r->inside = d->impose.inside;
@@ -205,20 +206,20 @@ static void begin_again(palp_dynamic *d, palp_dynamic_report *r) {
     if (d->config.uniform) palp_dynamic_refine_all(d);
     d->energy.allowed_J = d->energy.kinetic_J = d->energy.total_J = 0.0f;
     for (uint32_t t = 0; t < d->config.tool_count; t++)
-        d->force_N[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
+        d->on_tool[t] = (palp_wrench){.force_N = {0.0f, 0.0f, 0.0f}};
     r->lost = true;
 }
 
-void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_vec3 *tool_m,
-                       palp_vec3 *force_N, palp_dynamic_report *report) {
+void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_frame *tool,
+                       palp_wrench *on_tool, palp_dynamic_report *report) {
     uint32_t most_class;
     *report = (palp_dynamic_report){.steps = 0};
     if (choose(d, left_ns(d, start_ns), &most_class, report)) {
         report->bound_ns = palp_dynamic_cost_tick(d, most_class);
         if (report->collapsed) report->bound_ns += cost_collapse(d) - palp_dynamic_cost_adapt(d);
-        run(d, most_class, tool_m, report);
+        run(d, most_class, tool, report);
         report->energy_limited = palp_energy_watch(
-            &d->energy, &d->dyna, work_of_tools(&d->impose, d->force_N), d->changed);
+            &d->energy, &d->dyna, work_of_tools(&d->impose, d->on_tool), d->changed);
         d->changed = false;
         if (!palp_is_finite(d->energy.total_J)) begin_again(d, report);
         if (!d->config.uniform && !report->collapsed && !report->lost) {
@@ -230,7 +231,7 @@ void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_vec3 *tool
     } else {
         report->coasted = true;
     }
-    for (uint32_t t = 0; t < d->config.tool_count; t++) force_N[t] = d->force_N[t];
+    for (uint32_t t = 0; t < d->config.tool_count; t++) on_tool[t] = d->on_tool[t];
     report->kinetic_J = d->energy.kinetic_J;
     report->total_J = d->energy.total_J;
     count_nodes(d, report);

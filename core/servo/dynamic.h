@@ -57,7 +57,7 @@ typedef struct {
     palp_adapt adapt;
     palp_impose impose;
     palp_energy energy;
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];
+    palp_wrench on_tool[PALP_CONTACT_TOOLS];
     bool changed;     /* families split or merged at the end of the last tick */
     uint64_t work_ns; /* bounds of what was done so far */
 } palp_dynamic;
@@ -76,7 +76,7 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points);
  * it needs.
  */
 palp_status palp_dynamic_init(palp_dynamic *dynamic, const palp_dynamic_config *config,
-                              const palp_vec3 *at_m, void *memory, size_t bytes, float *bound_ns);
+                              const palp_frame *at, void *memory, size_t bytes, float *bound_ns);
 
 /*
  * Bounds in ns: sums of named counts times prices (budget/price.h), names of prices in capitals.
@@ -98,9 +98,9 @@ float palp_dynamic_cost_least(const palp_dynamic *dynamic);
 /* Splits everything, level by level: for comparison, and to know what that would cost. */
 void palp_dynamic_refine_all(palp_dynamic *dynamic);
 
-/* A tick that began at start_ns on the port's clock, tools at tool_m[tool_count] at its end; force
- * on each of them in force_N. */
-void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_vec3 *tool_m,
-                       palp_vec3 *force_N, palp_dynamic_report *report);
+/* A tick that began at start_ns on the port's clock, tools at tool[tool_count] at its end; what they
+ * feel of the body in on_tool[tool_count]. */
+void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_frame *tool,
+                       palp_wrench *on_tool, palp_dynamic_report *report);
 
 #endif

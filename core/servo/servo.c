@@ -176,7 +176,9 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
 
 static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r, float *damped_W) {
     const palp_placement *p = &s->config.placement;
-    palp_vec3 device = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip));
+    palp_frame device = {
+        .t = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip))};
+    for (uint32_t e = 0; e < 9u; e++) device.r[e] = p->rotation[e];
     palp_coupling_tool *spring = &s->answer.coupling.tool[0];
     palp_coupling_result result;
     palp_answer_report a;
@@ -187,7 +189,7 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r, float *dampe
     s->counters.refined = s->answer.refined;
     s->counters.held = s->answer.held;
     *damped_W = result.damped_W;
-    r->tool_m = result.tool_m;
+    r->tool_m = result.tool.t;
     r->stored_J = result.energy_J;
     r->unforeseen_m = result.moved_m;
     r->slipping = s->answer.coupling.tool[0].friction.slipping;

@@ -65,11 +65,12 @@ static void end(bench *b, int part, float instructions, float bytes) {
                   : ns / (double)instructions;
 }
 
-static void tick(bench *b, palp_vec3 at) {
+static void tick(bench *b, palp_vec3 place) {
+    const palp_frame at = palp_frame_at(place);
     palp_contact *c = b->contact;
     const palp_contact_cost *i = &b->instructions, *y = &b->bytes;
     const palp_contact_level l = palp_contact_level_of(c->now, i->modes);
-    const palp_contact_spring held = {.held_m = at, .stiffness_N_per_m = 1000.0f};
+    const palp_contact_spring held = {.held = at, .stiffness_N_per_m = 1000.0f};
     bool more = true;
     palp_contact_begin(c, &at, &held);
     while (more) {

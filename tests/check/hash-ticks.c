@@ -71,7 +71,8 @@ static void move_zones(const char *path) {
         palp_sincos(6.2831853f * s, &sine, &cosine);
         value[0] = 0.3f * sine;
         value[1] = 0.2f * cosine - 0.2f;
-        palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
+        const palp_frame hand = palp_frame_at(
+            (palp_vec3){0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)});
         palp_answer_pose(&answer, value, &rest);
         palp_answer_tick(&answer, work_clock(NULL), &hand, &result, &report);
         palp_answer_spare(&answer);
@@ -92,8 +93,10 @@ static uint64_t answer_clock(void *context) {
 
 static void move_surface(const palp_blob *blob, palp_vec3 top) {
     const float edge = blob->meta->mean_edge_m;
-    palp_tool tool[2] = {palp_tool_sphere(2.0f * edge), {.balls = 0}};
+    palp_tool tool[2] = {palp_tool_sphere(2.0f * edge),
+                         palp_tool_sphere(edge)};
     tool[0].friction = 0.3f;
+    tool[1].shape = PALP_TOOL_CYLINDER;
     tool[1].cylinder = (palp_cylinder){
         .axis = {1, 0, 0}, .radius_m = 1.5f * edge, .half_m = edge, .rim_m = 0.5f * edge};
     for (uint32_t t = 0; t < 2; t++) {
@@ -111,13 +114,14 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
             palp_coupling_result result;
             palp_answer_report report;
             float s = (float)i / 500.0f;
-            palp_vec3 at = {top.x + edge * s, top.y - 0.5f * edge * s,
-                            top.z + edge * (2.2f - 2.0f * s)};
+            palp_frame at = palp_frame_turn((palp_vec3){0.6f, 0.0f, 0.8f}, top, 0.7f * s);
+            at.t = (palp_vec3){top.x + edge * s, top.y - 0.5f * edge * s,
+                               top.z + edge * (2.2f - 2.0f * s)};
             uint64_t start = answer_clock(NULL);
             if (i % 50u == 7u) leaps += 700000u;
             palp_answer_tick(&answer, start, &at, &result, &report);
             mix(&result.force_N, sizeof result.force_N);
-            mix(&result.tool_m, sizeof result.tool_m);
+            mix(&result.tool, sizeof result.tool);
             mix(&report.points, sizeof report.points);
             mix(&report.active, sizeof report.active);
         }
@@ -144,14 +148,15 @@ static void move_body(const char *path) {
                                         .cost = {&palp_target_counted, 0.4f, 0.0f, 0.8f},
                                         .port = {.now_ns = still_clock},
                                         .tick_s = 1e-3f};
-    palp_vec3 at = {0.05f, 0.01f, 0.04f}, force;
+    palp_frame at = palp_frame_at((palp_vec3){0.05f, 0.01f, 0.04f});
+    palp_wrench on_tool;
     size_t size = palp_dynamic_memsize(&tets, 32);
     if (palp_dynamic_init(&body, &config, &at, aligned(size), size, NULL) != PALP_OK) exit(1);
     for (int k = 0; k < 500; k++) {
         palp_dynamic_report report;
-        at.z = 0.04f - 0.00008f * (float)(k < 250 ? k : 500 - k);
-        palp_dynamic_tick(&body, 0, &at, &force, &report);
-        mix(&force, sizeof force);
+        at.t.z = 0.04f - 0.00008f * (float)(k < 250 ? k : 500 - k);
+        palp_dynamic_tick(&body, 0, &at, &on_tool, &report);
+        mix(&on_tool, sizeof on_tool);
         mix(&report.evaluations, sizeof report.evaluations);
         for (uint32_t i = 0; i < body.dyna.active_count; i++) {
             mix(body.dyna.u_m + 3 * body.dyna.active[i], 3 * sizeof(float));

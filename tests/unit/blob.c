@@ -82,8 +82,9 @@ static void touch(const palp_blob *b, double where) {
     size_t bytes = palp_contact_memsize(&config);
     void *memory = allocate_aligned(bytes + 1, 1);
     if (palp_contact_init(&c, &config, memory, bytes) == PALP_OK) {
-        const palp_contact_spring held = {.held_m = palp_vec3_at(b->rest_m + 3 * (size_t)node)};
-        for (int k = 0; k < 3; k++) palp_contact_solve(&c, &held.held_m, &held);
+        const palp_contact_spring held = {
+            .held = palp_frame_at(palp_vec3_at(b->rest_m + 3 * (size_t)node))};
+        for (int k = 0; k < 3; k++) palp_contact_solve(&c, &held.held, &held);
     }
     free(memory);
 }

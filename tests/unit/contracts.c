@@ -14,7 +14,7 @@ static baked body;
 static zoned zones;
 static dynamic_body soft;
 static palp_tool tool;
-static palp_vec3 at_m;
+static palp_frame at;
 
 static uint64_t no_time(void *context) {
     (void)context;
@@ -101,7 +101,7 @@ static palp_status open_impose(void *memory, size_t bytes) {
                                   .adapt = &adapt,
                                   .tools = &tool,
                                   .tool_count = 1,
-                                  .at_m = &at_m,
+                                  .at = &at,
                                   .max_points = 16};
     return palp_impose_init(&x, &c, memory, bytes);
 }
@@ -121,7 +121,7 @@ static palp_status open_dynamic(void *memory, size_t bytes) {
                                    .cost = cost,
                                    .port = {.now_ns = no_time},
                                    .tick_s = 1e-3f};
-    return palp_dynamic_init(&x, &c, &at_m, memory, bytes, NULL);
+    return palp_dynamic_init(&x, &c, &at, memory, bytes, NULL);
 }
 
 /* In the order in which they stand on each other. The block that an init succeeds on stays. */
@@ -271,7 +271,7 @@ int main(void) {
     level[1] = stuff(&ball, on, 0.5, phase, &dropped);
     soft = model_dynamic_body(level, 2, -0.9, 1e4, 0.4, 1e-4);
     tool = palp_tool_sphere(0.1f);
-    at_m = (palp_vec3){0, 0, 3};
+    at = palp_frame_at((palp_vec3){0, 0, 3});
     check_blocks();
     check_constants();
     check_failures();

@@ -24,8 +24,9 @@ static hand take(const baked *b, const palp_tool *tool, float damping) {
     return h;
 }
 
-static palp_coupling_result tick(hand *h, palp_vec3 device) {
-    palp_vec3 tool;
+static palp_coupling_result tick(hand *h, palp_vec3 place) {
+    const palp_frame device = palp_frame_at(place);
+    palp_frame tool;
     palp_contact_spring spring;
     palp_coupling_result r;
     if (!palp_coupling_begin(&h->coupling, h->contact, &device)) {

@@ -23,6 +23,7 @@ typedef struct {
     palp_tool *tool;
     palp_friction friction;
     palp_vec3 top; /* where the tool just touches */
+    double turned_rad;
 } pressed;
 
 static pressed open_at(const baked *b, float mu, float sliding, uint32_t level) {
@@ -45,17 +46,21 @@ static void close_on(pressed *p) {
 }
 
 /* The tool held at a depth (radii) and an offset along x; T along x over mu N. */
-static double hold(pressed *p, double depth, double x_m) {
+static double hold_turned(pressed *p, double depth, double x_m, double turn_rad) {
     const float radius = p->tool->ball[0].radius_m;
-    palp_vec3 at = p->top;
-    at.z -= (float)depth * radius;
-    const palp_contact_spring held = {.held_m = at};
+    const palp_vec3 z = {0, 0, 1};
+    palp_frame at = palp_frame_turn(z, p->top, (float)turn_rad);
+    at.t = p->top;
+    at.t.z -= (float)depth * radius;
+    const palp_contact_spring held = {.held = at};
     palp_contact_solve(p->contact, &at, &held);
-    at.x += (float)x_m;
-    palp_friction_solve(&p->friction, &work, p->contact, 0, at, 0);
-    palp_friction_settle(&p->friction, at);
+    at.t.x += (float)x_m;
+    palp_friction_solve(&p->friction, &work, p->contact, 0, &at, 0);
+    palp_friction_settle(&p->friction, &at);
     return -(double)p->friction.force_N.x / (double)(p->tool->friction * p->contact->normal_N[0]);
 }
+
+static double hold(pressed *p, double depth, double x_m) { return hold_turned(p, depth, x_m, 0); }
 
 static double along_x(const palp_friction *f, palp_symmetric2 c) {
     const double x = (double)f->tangent[0].x, y = (double)f->tangent[1].x;
@@ -346,9 +351,9 @@ static double ring_moment(double (*on)[RINGS], int stuck, double *turn_rad) {
 /* The tool turns about z by turn_rad and goes along x by x_m more in so many ticks. */
 static void sweep(pressed *p, int ticks, double turn_rad, double x_m, double *at_m) {
     for (int i = 0; i < ticks; i++) {
-        palp_friction_turn(&p->friction, (palp_vec3){0, 0, (float)(turn_rad / ticks)});
+        p->turned_rad += turn_rad / ticks;
         *at_m += x_m / ticks;
-        (void)hold(p, SHALLOW, *at_m);
+        (void)hold_turned(p, SHALLOW, *at_m, p->turned_rad);
     }
 }
 
@@ -452,12 +457,13 @@ static pressed open_in_groove(const baked *b, float mu) {
 
 static palp_vec3 move_in_groove(pressed *p, double x, double y, double down) {
     const float radius = p->tool->ball[0].radius_m;
-    const palp_vec3 at = {p->top.x + radius * (float)x, p->top.y + radius * (float)y,
-                          p->top.z - radius * (float)down};
-    const palp_contact_spring held = {.held_m = at};
+    const palp_frame at = palp_frame_at((palp_vec3){p->top.x + radius * (float)x,
+                                                    p->top.y + radius * (float)y,
+                                                    p->top.z - radius * (float)down});
+    const palp_contact_spring held = {.held = at};
     palp_contact_solve(p->contact, &at, &held);
-    palp_friction_solve(&p->friction, &work, p->contact, 0, at, 0);
-    palp_friction_settle(&p->friction, at);
+    palp_friction_solve(&p->friction, &work, p->contact, 0, &at, 0);
+    palp_friction_settle(&p->friction, &at);
     return palp_scale(1 / (p->tool->friction * p->friction.normal_N), p->friction.force_N);
 }
 

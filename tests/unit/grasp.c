@@ -110,8 +110,9 @@ static void test_reciprocity(const zoned *model) {
 }
 
 /* The force on a rigid tool at `at`, the points settled in a few ticks. */
-static palp_vec3 press(palp_contact *c, palp_vec3 at, int ticks) {
-    const palp_contact_spring spring = {at, 0.0f};
+static palp_vec3 press(palp_contact *c, palp_vec3 place, int ticks) {
+    const palp_frame at = palp_frame_at(place);
+    const palp_contact_spring spring = {.held = at};
     for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &spring);
     return c->force_N[0];
 }
@@ -483,7 +484,8 @@ static void test_carried(const zoned *model) {
     palp_coupling k = {.settling = 0};
     palp_coupling_result result;
     palp_contact_spring spring;
-    palp_vec3 hand = {0.03f, 0.01f, 0.0265f}, tool_m, start = {0};
+    palp_frame tool_at;
+    palp_vec3 hand = {0.03f, 0.01f, 0.0265f}, start = {0};
     const palp_vec3 step = {2e-5f, 1e-5f, -3e-5f};
     const float value[PALP_MAX_JOINTS] = {0};
     palp_frame root = PALP_FRAME_IDENTITY;
@@ -491,24 +493,24 @@ static void test_carried(const zoned *model) {
     palp_coupling_reset(&k);
     k.tool[0].stiffness_N_per_m = 200.0f;
     for (uint32_t i = 0; i < 60; i++) {
-        palp_vec3 at = hand;
-        at.z += i < 20 ? 0.01f - 0.0005f * (float)i : 0.0f;
+        palp_frame at = palp_frame_at(hand);
+        at.t.z += i < 20 ? 0.01f - 0.0005f * (float)i : 0.0f;
         if (!palp_coupling_begin(&k, c, &at)) continue;
-        palp_coupling_springs(&k, c, &tool_m, &spring);
-        palp_contact_solve(c, &tool_m, &spring);
+        palp_coupling_springs(&k, c, &tool_at, &spring);
+        palp_contact_solve(c, &tool_at, &spring);
         palp_coupling_take(&k, c, 1e-3f, &result);
     }
-    start = result.tool_m;
+    start = result.tool.t;
     const float force = palp_norm(result.force_N);
     for (uint32_t i = 1; i <= 6; i++) {
         root.t = palp_scale((float)i, step);
         palp_assembly_pose(a, value, &root);
         palp_assembly_settle(a);
-        const palp_vec3 at = palp_add(hand, root.t);
+        const palp_frame at = palp_frame_at(palp_add(hand, root.t));
         (void)palp_coupling_begin(&k, c, &at);
         palp_coupling_hold(&k, c, 1e-3f, &result);
     }
-    palp_vec3 off = palp_sub(palp_sub(result.tool_m, start), palp_scale(6.0f, step));
+    palp_vec3 off = palp_sub(palp_sub(result.tool.t, start), palp_scale(6.0f, step));
     CHECK(force > 0.01f, "a tool presses with %.3g N", (double)force);
     AT_MOST((double)palp_norm(off) / (double)palp_norm(step), 0.05,
             "six held ticks: off the way of the model, over a tick of it");
@@ -559,7 +561,8 @@ static void run_budget(const zoned *model, double budget_us, uint32_t finest, do
         palp_sincos(6.2831853f * s, &sine, &cosine);
         palp_sincos(25.132741f * s, &one, &two);
         const float value[PALP_MAX_JOINTS] = {0.3f * sine, 0.2f * one};
-        palp_vec3 hand = {0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)};
+        const palp_frame hand = palp_frame_at(
+            (palp_vec3){0.037f + 0.008f * sine, 0.010f, 0.0300f - 0.006f * (1.0f - cosine)});
         palp_coupling_result result;
         palp_answer_report report;
         uint64_t start = now_ns(&clock) - (uint64_t)(tardy_us * 1e3);

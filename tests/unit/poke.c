@@ -56,7 +56,8 @@ typedef struct {
 
 /* ns_per_operation 0.5: a budget of 0.8 ms holds 1.6 million operations. */
 static poked *open_poked(const dynamic_body *b, float radius, palp_material material,
-                         float ns_per_operation, bool uniform, palp_vec3 at) {
+                         float ns_per_operation, bool uniform, palp_vec3 place) {
+    const palp_frame at = palp_frame_at(place);
     poked *p = allocate(1, sizeof *p);
     p->tool = palp_tool_sphere(radius);
     palp_dynamic_config c = {.tets = &b->tets,
@@ -106,6 +107,14 @@ static void compare(void) {
 
 /* ---- forces ---- */
 
+/* The force of a tick with the tool at a place, without a turn. */
+static palp_vec3 tick(poked *p, palp_vec3 place, palp_dynamic_report *r) {
+    const palp_frame at = palp_frame_at(place);
+    palp_wrench on_tool;
+    palp_dynamic_tick(&p->body, 0, &at, &on_tool, r);
+    return on_tool.force_N;
+}
+
 /* A ball presses slowly: what it takes over its path is what is stored. */
 static void check_force(void) {
     static const uint32_t nodes[1] = {900};
@@ -119,7 +128,7 @@ static void check_force(void) {
     for (int k = 0; k < ticks; k++) {
         float before = at.z;
         at.z = 0.036f - 0.009f * (float)k / (float)ticks;
-        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+        force = tick(p, at, &r);
         if (k == ticks / 4) {
             stored[0] = (double)p->body.dyna.stored_J;
             work = 0;
@@ -160,7 +169,7 @@ static void check_against_elastostatic(void) {
         const float from = at.z, to = top + radius - depth;
         for (int i = 0; i < 2500; i++) {
             at.z = from + (to - from) * palp_min((float)i / 1500, 1);
-            palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+            force = tick(p, at, &r);
         }
         AT_MOST(fabs((double)palp_norm(force) / still - 1), 0.1,
                 "%u nodes, %u vertices held: dynamic body at rest against the elastostatic one",
@@ -218,7 +227,7 @@ static void check_violence(double lambda, double mu, int ticks) {
         }
         late_ns = k % 97 == 0 ? 750000 : 0;
         float ns = p->body.config.cost.ns_per_instruction;
-        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+        force = tick(p, at, &r);
         /* by the counters of what was done, at the prices of counted.c */
         const palp_dyna *d = &p->body.dyna;
         double done = 210 * (double)(d->evaluations - evaluations) +
@@ -245,7 +254,7 @@ static void check_violence(double lambda, double mu, int ticks) {
     int calm = (int)(20000 + 300 / wave);
     for (int k = 0; k < calm; k++) {
         palp_dynamic_report r;
-        palp_dynamic_tick(&p->body, 0, &at, &force, &r);
+        force = tick(p, at, &r);
     }
     rest = (double)p->body.dyna.stored_J / (mu * 1e-4);
     CHECK(beyond == 0, "lambda %g, mu %g: no tick of %d (%.2g steps) beyond its bound; %u coasted",

@@ -45,7 +45,7 @@ static round_result go_round(const round_path *p, int ticks, uint32_t level, uin
     palp_vec3 before_m = {0}, before_N = {0}, repaid_N = {0};
     round_result r = {.work = 0};
     double stored = 0, stiffness = 0;
-    palp_vec3 rest = on_path(p, 0);
+    palp_frame rest = palp_frame_at(on_path(p, 0));
     for (int k = 0; k <= 2 * ticks; k++) {
         palp_vec3 at = on_path(p, (double)k / ticks);
         if (levels > 0) c->now = level - (uint32_t)(k / 50) % levels;
@@ -53,10 +53,12 @@ static round_result go_round(const round_path *p, int ticks, uint32_t level, uin
             stiffness = (double)(palp_norm(c->force_N[0]) /
                                  (c->patch[0].lattice.used.spacing * (float)p->radius)) /
                         soft;
-        const palp_contact_spring spring = {.held_m = at, .stiffness_N_per_m = (float)stiffness};
-        if (!(stiffness > 0)) rest = at;
+        const palp_contact_spring spring = {.held = palp_frame_at(at),
+                                            .stiffness_N_per_m = (float)stiffness};
+        if (!(stiffness > 0)) rest.t = at;
         palp_contact_solve(c, &rest, &spring);
-        at = rest = c->rest_m[0];
+        rest = c->rest[0];
+        at = rest.t;
         if (k > ticks) {
             const double size = (double)palp_norm(c->force_N[0]);
             r.share = fmax(r.share, (double)palp_norm(c->repaid_N[0]) / size);
@@ -98,12 +100,13 @@ static void test_rest(const round_path *p) {
     palp_vec3 at = {0}, felt = {0};
     double owed = 0, drift = 0, repaid = 0;
     const float stiffness = 2.0f * p->body->blob.meta->stiffness_max_N_per_m;
-    palp_vec3 rest = on_path(p, 0);
+    palp_frame rest = palp_frame_at(on_path(p, 0));
     for (int k = 0; k < 1300; k++) {
         if (k < 1000) at = on_path(p, k / 1500.0);
-        const palp_contact_spring spring = {.held_m = at, .stiffness_N_per_m = stiffness};
+        const palp_contact_spring spring = {.held = palp_frame_at(at),
+                                            .stiffness_N_per_m = stiffness};
         palp_contact_solve(c, &rest, &spring);
-        rest = c->rest_m[0];
+        rest = c->rest[0];
         if (k < 1000) owed = fmax(owed, fabs((double)c->owed_J) / (double)c->energy_J);
         if (k == 1100) felt = c->force_N[0];
         if (k <= 1100) continue;
@@ -125,17 +128,17 @@ static void test_two(const round_path p[2]) {
     palp_vec3 before_m[2] = {{0}}, before_N[2] = {{0}};
     double work = 0, stored = 0;
     for (int k = 0; k <= 2 * TICKS; k++) {
-        palp_vec3 at[2];
+        palp_frame at[2];
         palp_contact_spring spring[2];
         for (int t = 0; t < 2; t++) {
-            at[t] = on_path(&p[t], (t + 1.0) * k / TICKS);
-            spring[t] = (palp_contact_spring){.held_m = at[t]};
+            at[t] = palp_frame_at(on_path(&p[t], (t + 1.0) * k / TICKS));
+            spring[t] = (palp_contact_spring){.held = at[t]};
         }
         palp_contact_solve(c, at, spring);
         for (int t = 0; t < 2; t++) {
             const palp_vec3 mean = palp_scale(0.5f, palp_add(before_N[t], c->force_N[t]));
-            if (k > TICKS) work += (double)palp_dot(mean, palp_sub(at[t], before_m[t]));
-            before_m[t] = at[t];
+            if (k > TICKS) work += (double)palp_dot(mean, palp_sub(at[t].t, before_m[t]));
+            before_m[t] = at[t].t;
             before_N[t] = c->force_N[t];
         }
         stored = fmax(stored, (double)c->energy_J);
@@ -172,9 +175,10 @@ static void test_one_lets_go(const round_path p[2]) {
     palp_contact *c = contact_open(&p[0].body->blob, tool, 2, 3);
     double before = 0, jump = 0;
     for (int k = 0; k < 600; k++) {
-        palp_vec3 at[2] = {on_path(&p[0], k / 3000.0), on_path(&p[1], k / 3000.0)};
-        if (k >= 400) at[1] = palp_madd(p[1].top, 2.0f * (float)p[1].radius, p[1].n);
-        const palp_contact_spring spring[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
+        palp_frame at[2] = {palp_frame_at(on_path(&p[0], k / 3000.0)),
+                            palp_frame_at(on_path(&p[1], k / 3000.0))};
+        if (k >= 400) at[1].t = palp_madd(p[1].top, 2.0f * (float)p[1].radius, p[1].n);
+        const palp_contact_spring spring[2] = {{.held = at[0]}, {.held = at[1]}};
         palp_contact_solve(c, at, spring);
         const double now = (double)c->owed_J;
         if (k >= 400 && k < 403) jump = fmax(jump, fabs(now - before) / (double)c->energy_J);

@@ -149,7 +149,8 @@ static void test_dense(const baked *b) {
 /* The force is the gradient of the energy, whatever the tool's shape. */
 static void test_gradient(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
-    palp_tool tool[4] = {palp_tool_sphere(2 * e), palp_tool_sphere(e), palp_tool_sphere(e), {0}};
+    palp_tool tool[4] = {palp_tool_sphere(2 * e), palp_tool_sphere(e), palp_tool_sphere(e),
+                         {.shape = PALP_TOOL_CYLINDER}};
     static const char *const name[] = {"sphere of 2 edges", "sphere of 1 edge", "three balls",
                                        "cylinder"};
     tool[2].balls = 3;
@@ -245,7 +246,8 @@ static palp_coupling_result tick(hand *h, palp_vec3 device, palp_answer_report *
     palp_answer_report unused;
     h->looks = 0;
     h->base_work = h->answer.contact.work_done;
-    palp_answer_tick(&h->answer, virtual_ns(h), &device, &result, r != NULL ? r : &unused);
+    const palp_frame at = palp_frame_at(device);
+    palp_answer_tick(&h->answer, virtual_ns(h), &at, &result, r != NULL ? r : &unused);
     h->base_ns += 1000000;
     return result;
 }
@@ -341,12 +343,13 @@ static void test_two_tools(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
     palp_tool tool[2] = {palp_tool_sphere(2 * e), palp_tool_sphere(2 * e)};
     palp_contact *c = contact_open(&b->blob, tool, 2, PALP_CONTACT_FINEST);
-    const palp_vec3 at[2] = {{0, 0, 1 + 1.7f * e}, {1 + 1.7f * e, 0, 0.2f}};
-    const palp_contact_spring held[2] = {{.held_m = at[0]}, {.held_m = at[1]}};
+    const palp_frame at[2] = {palp_frame_at((palp_vec3){0, 0, 1 + 1.7f * e}),
+                              palp_frame_at((palp_vec3){1 + 1.7f * e, 0, 0.2f})};
+    const palp_contact_spring held[2] = {{.held = at[0]}, {.held = at[1]}};
     for (int i = 0; i < 10; i++) palp_contact_solve(c, at, held);
     float both = c->normal_N[0];
     palp_contact *one = contact_open(&b->blob, tool, 1, PALP_CONTACT_FINEST);
-    press_hold(one, at[0], 10);
+    press_hold(one, at[0].t, 10);
     AT_MOST(fabs((double)(both / one->normal_N[0]) - 1), 0.05,
             "a second tool far away changes little");
     CHECK(c->normal_N[1] > 0.0f, "and presses as well");
@@ -375,8 +378,9 @@ static void test_loads(const baked *b) {
     AT_MOST(off, 1e-5, "loads on nodes balance the force on the tool");
     double changed = 0;
     for (uint32_t stop = 0; stop < 3; stop++) {
-        const palp_vec3 next = {0.3f * e, 0, 1 + (1.6f - 0.1f * (float)stop) * e};
-        const palp_contact_spring held = {.held_m = next};
+        const palp_frame next =
+            palp_frame_at((palp_vec3){0.3f * e, 0, 1 + (1.6f - 0.1f * (float)stop) * e});
+        const palp_contact_spring held = {.held = next};
         palp_contact_begin(c, &next, &held);
         while (stop > 0 && palp_contact_fill(c)) {}
         if (stop > 0) palp_contact_points(c);
@@ -497,7 +501,8 @@ static void test_deep(const baked *b) {
     k.tool[0].stiffness_N_per_m = stiffness;
     for (int i = 0; i <= 2 * ticks; i++) {
         float sunk = 1.2f * radius * (float)(i <= ticks ? i : 2 * ticks - i) / (float)ticks;
-        palp_vec3 device = {0.1f, 0.05f, 1.0f + radius - sunk}, at;
+        const palp_frame device = palp_frame_at((palp_vec3){0.1f, 0.05f, 1.0f + radius - sunk});
+        palp_frame at;
         palp_contact_spring spring;
         palp_coupling_result r;
         while (!palp_coupling_begin(&k, c, &device)) {}
@@ -506,12 +511,12 @@ static void test_deep(const baked *b) {
         palp_coupling_take(&k, c, 1e-3f, &r);
         if (i > 0) {
             jump = fmax(jump, (double)palp_norm(palp_sub(r.force_N, before)));
-            work += 0.5 * (double)palp_dot(palp_add(r.force_N, before), palp_sub(device, was));
+            work += 0.5 * (double)palp_dot(palp_add(r.force_N, before), palp_sub(device.t, was));
         }
         largest = fmax(largest, (double)palp_norm(r.force_N));
         stored = fmax(stored, (double)r.energy_J);
         before = r.force_N;
-        was = device;
+        was = device.t;
     }
     AT_MOST(jump / largest, 0.01, "pressed %g radii deep and let go: largest step over the force",
             1.2);
@@ -535,7 +540,8 @@ static void test_most_filled(const palp_blob *b, palp_tool tool, double reach, c
         palp_vec3 by = times((double[3]){tap_random(&seed), tap_random(&seed), tap_random(&seed)},
                              far * reach);
         at = palp_add(k % 40 == 0 ? (palp_vec3){.x = 0} : at, by);
-        palp_contact_begin(c, &at, &free);
+        const palp_frame place = palp_frame_at(at);
+        palp_contact_begin(c, &place, &free);
         for (bool more = true; more; filled++) {
             const palp_lattice_counts most = palp_contact_most_filled(&cost, c->level);
             more = palp_contact_fill(c);

@@ -106,12 +106,13 @@ static void use(const palp_tets *t) {
     palp_dynamic *d = allocate(1, sizeof *d);
     size_t bytes = palp_dynamic_memsize(t, 16);
     void *memory = allocate_aligned(bytes + 1, 1);
-    palp_vec3 at = {0.02f, 0.02f, 0.06f}, force;
+    palp_frame at = palp_frame_at((palp_vec3){0.02f, 0.02f, 0.06f});
+    palp_wrench on_tool;
     if (palp_dynamic_init(d, &c, &at, memory, bytes, NULL) == PALP_OK) {
         for (int k = 0; k < 30; k++) {
             palp_dynamic_report r;
-            at.z = 0.06f - 0.002f * (float)k;
-            palp_dynamic_tick(d, 0, &at, &force, &r);
+            at.t.z = 0.06f - 0.002f * (float)k;
+            palp_dynamic_tick(d, 0, &at, &on_tool, &r);
         }
     }
     free(memory);

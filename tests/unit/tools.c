@@ -28,8 +28,9 @@ static void start(rig *r, const palp_blob *b, uint32_t tools, float stiffness) {
     for (uint32_t t = 0; t < tools; t++) r->coupling.tool[t].stiffness_N_per_m = stiffness;
 }
 
-static void tick(rig *r, const palp_vec3 *device) {
-    palp_vec3 at[PALP_CONTACT_TOOLS];
+static void tick(rig *r, const palp_vec3 *place) {
+    palp_frame at[PALP_CONTACT_TOOLS], device[PALP_CONTACT_TOOLS];
+    for (uint32_t t = 0; t < r->contact.tool_count; t++) device[t] = palp_frame_at(place[t]);
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
     while (!palp_coupling_begin(&r->coupling, &r->contact, device)) {}
     palp_coupling_springs(&r->coupling, &r->contact, at, spring);
@@ -64,7 +65,8 @@ static double patch_compliance(const baked *b, const palp_contact *c) {
 
 /* A square block, face down. */
 static palp_tool block(float friction) {
-    return (palp_tool){.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+    return (palp_tool){.shape = PALP_TOOL_PAD,
+                       .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                                .half_m = {0.22f, 0.22f},
                                .edge_m = 0.05f},
                        .friction = friction};
@@ -77,17 +79,17 @@ static double block_on_slope(const baked *b, float friction, double slope, doubl
     const float k = 2e4f, weight = 15;
     r.tool[0] = block(friction);
     start(&r, &b->blob, 1, k);
-    r.result[0].tool_m.x = 0.5f;
+    r.result[0].tool.t.x = 0.5f;
     palp_vec3 load = {0, 0, -weight}, device = {0.5f, 0.5f, 1.0005f};
     double before = 0;
     for (int i = 0; i <= 700; i++) {
         load.x = weight * (float)(slope * fmax(0, fmin((i - 200) / 100.0, 1)));
         tick(&r, &device);
-        device = palp_madd(r.result[0].tool_m, 1 / k, load);
-        if (i == 600) before = (double)r.result[0].tool_m.x;
+        device = palp_madd(r.result[0].tool.t, 1 / k, load);
+        if (i == 600) before = (double)r.result[0].tool.t.x;
     }
     *force_ratio = -(double)r.result[0].force_N.x / (double)r.result[0].force_N.z;
-    double creep = ((double)r.result[0].tool_m.x - before) / 100;
+    double creep = ((double)r.result[0].tool.t.x - before) / 100;
     free(r.memory);
     return creep / (double)(weight / k);
 }
@@ -162,16 +164,19 @@ static void test_gradients(void) {
     palp_tool tools[4] = {
         {.balls = 3,
          .ball = {{{0, 0, 0}, 0.2f}, {{0.15f, 0, 0.02f}, 0.15f}, {{-0.05f, 0.18f, 0}, 0.25f}}},
-        {.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+        {.shape = PALP_TOOL_PAD,
+         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                  .half_m = {0.3f, 0.2f},
                  .edge_m = 0.1f}},
-        {.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+        {.shape = PALP_TOOL_PAD,
+         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                  .half_m = {0.3f, 0.2f},
                  .edge_m = 0.1f,
                  .columns = 4,
                  .rows = 3,
                  .height_m = heights}},
-        {.cylinder = {.axis = {0.6f, 0.8f, 0}, .radius_m = 0.2f, .half_m = 0.15f, .rim_m = 0.1f}}};
+        {.shape = PALP_TOOL_CYLINDER,
+         .cylinder = {.axis = {0.6f, 0.8f, 0}, .radius_m = 0.2f, .half_m = 0.15f, .rim_m = 0.1f}}};
     static const char *const name[] = {"three balls", "a flat pad", "a height-field pad",
                                        "a cylinder"};
     for (int k = 0; k < 4; k++) {
@@ -183,12 +188,15 @@ static void test_gradients(void) {
             palp_vec3 normal = {(float)n[0], (float)n[1], (float)n[2]}, x = {0};
             palp_vec3 c = {0.35f * (float)tap_random(&seed), 0.3f * (float)tap_random(&seed),
                            0.2f + 0.05f * (float)tap_random(&seed)};
-            palp_touch at = palp_tool_at(&tools[k], c, x, normal);
+            palp_frame place = palp_frame_at(c);
+            palp_touch at = palp_tool_at(&tools[k], &place, x, normal);
             const float h = 2e-3f;
             for (int axis = 0; axis < 3; axis++) {
                 palp_vec3 e = {axis == 0 ? h : 0, axis == 1 ? h : 0, axis == 2 ? h : 0};
-                palp_touch up = palp_tool_at(&tools[k], palp_add(c, e), x, normal);
-                palp_touch down = palp_tool_at(&tools[k], palp_sub(c, e), x, normal);
+                place.t = palp_add(c, e);
+                palp_touch up = palp_tool_at(&tools[k], &place, x, normal);
+                place.t = palp_sub(c, e);
+                palp_touch down = palp_tool_at(&tools[k], &place, x, normal);
                 double slope = -(double)(up.depth_m - down.depth_m) / (2 * (double)h);
                 double push = axis == 0   ? (double)at.push.x
                               : axis == 1 ? (double)at.push.y
@@ -217,10 +225,12 @@ static void test_gradients(void) {
 static void test_loops(const baked *b) {
     const float heights[9] = {0, 0.02f, 0, 0.02f, 0.05f, 0.02f, 0, 0.02f, 0};
     palp_tool tools[3] = {{.balls = 2, .ball = {{{-0.2f, 0, 0.3f}, 0.3f}, {{0.2f, 0, 0.3f}, 0.3f}}},
-                          {.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+                          {.shape = PALP_TOOL_PAD,
+         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                                    .half_m = {0.35f, 0.25f},
                                    .edge_m = 0.2f}},
-                          {.pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+                          {.shape = PALP_TOOL_PAD,
+         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                                    .half_m = {0.35f, 0.35f},
                                    .edge_m = 0.2f,
                                    .columns = 3,

@@ -637,8 +637,8 @@ static void test_bending(const zoned *model) {
 /* Contact with whatever the model is. */
 static void touch(palp_assembly *a) {
     const palp_tool tool = palp_tool_sphere(0.01f);
-    const palp_vec3 at = {0.045f, 0.01f, 0.025f};
-    const palp_contact_spring spring = {at, 100.0f};
+    const palp_frame at = palp_frame_at((palp_vec3){0.045f, 0.01f, 0.025f});
+    const palp_contact_spring spring = {.held = at, .stiffness_N_per_m = 100.0f};
     const palp_contact_config config = {
         .assembly = a, .pairs = true, .tools = &tool, .tool_count = 1, .finest = 0};
     size_t room = palp_contact_memsize(&config);

@@ -59,7 +59,7 @@ static inline void cases_tell_features(cases *c, const char *operation, uint32_t
 /* A tick of contact, step by step, tools at[] on their springs; `unit`: its costs at unit prices.
  */
 void cases_of_tick(cases *c, palp_contact *contact, const palp_contact_cost *unit,
-                   const palp_vec3 *at, const palp_contact_spring *spring);
+                   const palp_frame *at, const palp_contact_spring *spring);
 
 /* Contact on the surface: tools, levels and places of all kinds. */
 void cases_of_surface(cases *c, const palp_blob *blob, uint64_t seed, uint32_t episodes);

@@ -113,7 +113,8 @@ int main(int argc, char **argv) {
         palp_answer_report r;
         uint64_t start = now_ns(&t);
         t.looks = 0;
-        palp_answer_tick(&t.answer, start, &at, &result, &r);
+        const palp_frame device = palp_frame_at(at);
+        palp_answer_tick(&t.answer, start, &device, &result, &r);
         bool leapt = t.leaps && t.looks > t.leap_at;
         t.leaps = false;
         double used = (double)(now_ns(&t) - start) / (double)budget_ns;

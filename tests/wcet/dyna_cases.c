@@ -26,7 +26,8 @@ static uint32_t due_in(const palp_dyna *d, uint32_t s, uint32_t steps) {
     return sum;
 }
 
-static void count_search(cases *c, poked *p, palp_vec3 at) {
+static void count_search(cases *c, poked *p, palp_vec3 place) {
+    const palp_frame at = palp_frame_at(place);
     palp_impose *i = &p->body.impose;
     features f = {{0}};
     uint64_t before = instructions();
@@ -104,7 +105,7 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
                                       .cost = {&palp_target_counted, 1e-6f, 0.0f, 0.8f},
                                       .port = {.now_ns = no_time},
                                       .tick_s = 1e-3f};
-        palp_vec3 at = {0};
+        const palp_frame at = PALP_FRAME_IDENTITY;
         config.adapt.max_changes = 1u + dice_below(&d, 12);
         config.adapt.dwell_ticks = dice_below(&d, 30);
         if (palp_dynamic_init(&p->body, &config, &at, cases_take(c, bytes), bytes, NULL) != PALP_OK)

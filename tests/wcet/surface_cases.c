@@ -60,7 +60,7 @@ static palp_tool some_tool(dice *d, float edge) {
         return tool;
     case 1:
         if (length < 0.05f) return tool;
-        tool.balls = 0;
+        tool.shape = PALP_TOOL_PAD;
         x = palp_scale(1.0f / length, x);
         z = palp_scale(1.0f / palp_norm(z), z);
         tool.pad = (palp_pad){
@@ -68,7 +68,7 @@ static palp_tool some_tool(dice *d, float edge) {
         return tool;
     case 2:
         if (length < 0.05f) return tool;
-        tool.balls = 0;
+        tool.shape = PALP_TOOL_CYLINDER;
         tool.cylinder = (palp_cylinder){.axis = palp_scale(1.0f / length, x),
                                         .radius_m = size,
                                         .half_m = 1.5f * size,
@@ -92,7 +92,7 @@ static void tell(episode *e, const char *name, bound_of bound, const step *s, ui
 }
 
 void cases_of_tick(cases *cases, palp_contact *contact, const palp_contact_cost *unit,
-                   const palp_vec3 *at, const palp_contact_spring *spring) {
+                   const palp_frame *at, const palp_contact_spring *spring) {
     episode episode = {cases, unit, contact}, *e = &episode;
     palp_contact *c = contact;
     step s = {.count = 0};
@@ -159,10 +159,11 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
                 node = blob->ring[blob->ring_offset[node] +
                                   dice_below(d, blob->ring_offset[node + 1u] -
                                                     blob->ring_offset[node])];
-            palp_vec3 at = palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
-                                     extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
-                                     palp_vec3_at(blob->normal + 3u * (size_t)node));
-            spring.held_m = palp_madd(at, 0.3f * edge, anywhere(d));
+            const palp_frame at = palp_frame_at(
+                palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
+                          extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
+                          palp_vec3_at(blob->normal + 3u * (size_t)node)));
+            spring.held = palp_frame_at(palp_madd(at.t, 0.3f * edge, anywhere(d)));
             cases_of_tick(c, contact, unit, &at, &spring);
         }
     }

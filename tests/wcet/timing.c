@@ -79,7 +79,8 @@ static double press(const palp_blob *blob, uint32_t kind, uint32_t *active) {
         palp_coupling_result result;
         palp_answer_report r;
         double before = cost_now();
-        palp_answer_tick(&b, 0, &at, &result, &r);
+        const palp_frame device = palp_frame_at(at);
+        palp_answer_tick(&b, 0, &device, &result, &r);
         cost[i] = cost_now() - before;
         if (i == 400) *active = r.active;
     }

@@ -84,13 +84,13 @@ static void press(setup *g, dice *d) {
     const uint32_t zone = dice_below(d, g->zones.meta->zones);
     const palp_blob *b = &g->zones.blob[zone];
     const uint32_t node = dice_below(d, b->meta->nodes);
-    palp_vec3 at[2];
+    palp_frame at[2];
     palp_contact_spring spring[2];
     for (uint32_t t = 0; t < 2u; t++) {
         const float out = palp_tool_extent(&g->tool[t]) * (0.75f + 0.25f * dice_float(d));
-        at[t] = palp_madd(palp_assembly_position(a, zone, node), out,
-                          palp_assembly_normal(a, zone, node));
-        spring[t] = (palp_contact_spring){.held_m = at[t], .stiffness_N_per_m = 300.0f};
+        at[t] = palp_frame_at(palp_madd(palp_assembly_position(a, zone, node), out,
+                                        palp_assembly_normal(a, zone, node)));
+        spring[t] = (palp_contact_spring){.held = at[t], .stiffness_N_per_m = 300.0f};
     }
     for (uint32_t k = 0; k < 3u; k++) cases_of_tick(g->c, &g->contact, g->unit, at, spring);
 }
@@ -102,7 +102,8 @@ static bool open(setup *g, uint32_t finest) {
     if (palp_assembly_init(&g->assembly, &g->zones, finest, cases_take(c, room), room) != PALP_OK)
         return false;
     g->tool[0] = palp_tool_sphere(1.5f * edge);
-    g->tool[1] = (palp_tool){.cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
+    g->tool[1] = (palp_tool){.shape = PALP_TOOL_CYLINDER,
+                               .cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
     const palp_contact_config config = {.assembly = &g->assembly,
                                         .pairs = true,
                                         .tools = g->tool,

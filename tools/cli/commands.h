@@ -17,6 +17,7 @@ int command_unpack(int argc, char **argv);
 int command_replay(int argc, char **argv);
 int command_zwidth(int argc, char **argv);
 int command_report(int argc, char **argv);
+int command_tool(int argc, char **argv);
 int command_play(int argc, char **argv);
 
 /* palp info --device. */

@@ -107,7 +107,7 @@ static void open_body(player *p) {
         c.adapt.merge_m = 0.1f * c.adapt.refine_m;
     }
     size_t bytes = palp_dynamic_memsize(&p->tets, POINTS);
-    palp_vec3 at[SCENE_TRACKS];
+    palp_frame at[SCENE_TRACKS];
     float bound_ns = 0;
     scene_tools_at(&p->s, p->which, p->tools, 0, at);
     palp_status status =
@@ -154,17 +154,18 @@ static void run(player *p) {
     float *before = allocate(3 * skin, sizeof *before);
     for (size_t i = 0; i < p->ticks; i++) {
         dynamic_tick *k = &p->tick[i];
-        palp_vec3 at[SCENE_TRACKS], force[SCENE_TRACKS];
+        palp_frame at[SCENE_TRACKS];
+        palp_wrench on_tool[SCENE_TRACKS];
         k->t_s = (double)(i + 1) / p->s.rate_hz;
         scene_tools_at(&p->s, p->which, p->tools, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
         p->begun_work = p->body.work_ns;
         p->begun_s = now_s();
-        palp_dynamic_tick(&p->body, p->begun_ns, at, force, &k->r);
+        palp_dynamic_tick(&p->body, p->begun_ns, at, on_tool, &k->r);
         k->wall_us = (now_s() - p->begun_s) * 1e6;
         k->asked_us = (double)(now_ns(p) - p->begun_ns) * 1e-3;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++)
-            k->force_N[p->which[t]] = force[t];
+            k->force_N[p->which[t]] = on_tool[t].force_N;
         memcpy(before, p->skin.position_m, 3 * skin * sizeof *before);
         palp_skin_update(&p->skin, (float)(1 / p->s.rate_hz));
         look_at_surface(p, k, before);

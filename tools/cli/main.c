@@ -20,6 +20,7 @@ static const struct {
     {"subdivide", command_subdivide, "refine a control mesh by Loop's scheme"},
     {"bake", command_bake, "compute and compress Green's functions: mesh in, blob out"},
     {"fill", command_fill, "fill a surface with tetrahedra, and say how good they are"},
+    {"tool", command_tool, "make a rigid tool of a closed mesh, to touch bodies with"},
     {"info", command_info, "say what a blob holds"},
     {"solve", command_solve, "solve one boundary value problem with a blob"},
     {"study", command_study, "error against compression of a body, every wavelet and level"},

@@ -246,7 +246,7 @@ static void run(player *p) {
     for (size_t i = 0; i < p->ticks; i++) {
         play_tick *k = &p->tick[i];
         float value[PALP_MAX_JOINTS];
-        palp_vec3 at[PALP_CONTACT_TOOLS];
+        palp_frame at[PALP_CONTACT_TOOLS];
         palp_coupling_result result[PALP_CONTACT_TOOLS];
         k->t_s = (double)i / p->s.rate_hz;
         for (uint32_t j = 0; j < p->z->meta->joints; j++) {
@@ -268,7 +268,7 @@ static void run(player *p) {
         double pressed = 0;
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++) {
             k->force_N[p->which[t]] = result[t].force_N;
-            k->tool_m[p->which[t]] = result[t].tool_m;
+            k->tool_m[p->which[t]] = result[t].tool.t;
             pressed += (double)palp_norm(result[t].force_N);
         }
         if (pressed > most) {

@@ -105,7 +105,8 @@ void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SC
     if (s->has[SCENE_OBJECT]) {
         const double *c = s->cylinder;
         which[*count] = SCENE_OBJECT;
-        tool[(*count)++] = (palp_tool){.cylinder = {.axis = {(float)c[2], (float)c[3], (float)c[4]},
+        tool[(*count)++] = (palp_tool){.shape = PALP_TOOL_CYLINDER,
+                                       .cylinder = {.axis = {(float)c[2], (float)c[3], (float)c[4]},
                                                     .radius_m = (float)c[0],
                                                     .half_m = (float)c[1],
                                                     .rim_m = 0.25f * (float)c[0]}};
@@ -120,10 +121,10 @@ void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SC
 }
 
 void scene_tools_at(const scene *s, const uint32_t *which, uint32_t count, double t_s,
-                    palp_vec3 *at) {
+                    palp_frame *at) {
     for (uint32_t t = 0; t < count; t++) {
         double x[3] = {FAR_M, FAR_M, FAR_M};
         if (which[t] < SCENE_TRACKS) scene_at(&s->track[which[t]], t_s, x);
-        at[t] = (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
+        at[t] = palp_frame_at((palp_vec3){(float)x[0], (float)x[1], (float)x[2]});
     }
 }

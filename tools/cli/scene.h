@@ -51,7 +51,7 @@ void scene_tools(const scene *s, palp_tool tool[SCENE_TRACKS], uint32_t which[SC
 
 /* Where they are at time t. */
 void scene_tools_at(const scene *s, const uint32_t *which, uint32_t count, double t_s,
-                    palp_vec3 *at);
+                    palp_frame *at);
 
 /* The track at time t; its first value before that, zero if it has none. */
 void scene_at(const scene_track *track, double t_s, double value[3]);

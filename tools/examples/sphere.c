@@ -34,8 +34,8 @@ int main(int argc, char **argv) {
     printf("depth_m,force_N,points\n");
     for (int step = 0; step <= 20; step++) {
         const float depth = 0.01f * (float)step * radius;
-        const palp_vec3 at = palp_madd(x, radius - depth, n);
-        const palp_contact_spring held = {.held_m = at}; /* stiffness 0: rigidly */
+        const palp_frame at = palp_frame_at(palp_madd(x, radius - depth, n));
+        const palp_contact_spring held = {.held = at}; /* stiffness 0: rigidly */
         for (int i = 0; i < SETTLE; i++) palp_contact_solve(&contact, &at, &held);
         printf("%g,%g,%u\n", (double)depth, (double)palp_norm(contact.force_N[0]),
                (unsigned)contact.active_count);

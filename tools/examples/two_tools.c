@@ -46,9 +46,9 @@ int main(int argc, char **argv) {
     for (int t = 0; t < TOOLS; t++) answer.coupling.tool[t].stiffness_N_per_m = 500;
     for (int tick = 0; tick < TICKS; tick++) {
         const float way = 0.5f * (float)tick / TICKS; /* 0: apart; 0.5: half closed */
-        const palp_vec3 device[TOOLS] = {
-            {lowest - radius + way * (top.x - lowest), top.y, top.z - radius},
-            {highest + radius - way * (highest - top.x), top.y, top.z - radius}};
+        const palp_vec3 left = {lowest - radius + way * (top.x - lowest), top.y, top.z - radius};
+        const palp_vec3 right = {highest + radius - way * (highest - top.x), top.y, top.z - radius};
+        const palp_frame device[TOOLS] = {palp_frame_at(left), palp_frame_at(right)};
         palp_coupling_result result[TOOLS];
         palp_answer_report report;
         palp_answer_tick(&answer, work_clock(&answer), device, result, &report);

@@ -72,7 +72,8 @@ static palp_coupling_result tick(hand *h, palp_vec3 device, palp_answer_report *
     h->clock_reads = 0;
     h->base_work = h->answer.contact.work_done;
     uint64_t start = virtual_ns(h);
-    palp_answer_tick(&h->answer, start, &device, &result, &r);
+    const palp_frame at = palp_frame_at(device);
+    palp_answer_tick(&h->answer, start, &at, &result, &r);
     h->base_ns += 1000000;
     if (report != NULL) *report = r;
     return result;

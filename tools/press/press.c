@@ -10,8 +10,9 @@
 #define DEPTH 0.1      /* over the radius */
 #define SETTLE_TICKS 8 /* of a rigid press */
 
-void press_hold(palp_contact *c, palp_vec3 at, int ticks) {
-    const palp_contact_spring held = {.held_m = at};
+void press_hold(palp_contact *c, palp_vec3 place, int ticks) {
+    const palp_frame at = palp_frame_at(place);
+    const palp_contact_spring held = {.held = at};
     for (int i = 0; i < ticks; i++) palp_contact_solve(c, &at, &held);
 }
 

@@ -52,7 +52,7 @@ static void begin(poked *b, const palp_tets *tets, palp_material material, const
     c.adapt.refine_m = (float)share * tets->meta->diagonal_m;
     c.adapt.merge_m = 0.1f * c.adapt.refine_m;
     size_t bytes = palp_dynamic_memsize(tets, POINTS);
-    palp_vec3 at = ball_at(p, 0);
+    const palp_frame at = palp_frame_at(ball_at(p, 0));
     b->memory = allocate_aligned(bytes, 1);
     palp_status s = palp_dynamic_init(&b->body, &c, &at, b->memory, bytes, NULL);
     if (s != PALP_OK) die(EXIT_WORK, "%s", palp_status_text(s));
@@ -91,10 +91,11 @@ speedup speedup_measure(const palp_tets *tets, palp_material material, const pok
     begin(a, tets, material, p, refine_share, false);
     begin(f, tets, material, p, refine_share, true);
     for (uint32_t k = 0; k < p->ticks; k++) {
-        palp_vec3 at = ball_at(p, k), force_a, force_f;
+        const palp_frame at = palp_frame_at(ball_at(p, k));
+        palp_wrench on_a, on_f;
         palp_dynamic_report report_a, report_f;
-        palp_dynamic_tick(&a->body, 0, &at, &force_a, &report_a);
-        palp_dynamic_tick(&f->body, 0, &at, &force_f, &report_f);
+        palp_dynamic_tick(&a->body, 0, &at, &on_a, &report_a);
+        palp_dynamic_tick(&f->body, 0, &at, &on_f, &report_f);
         r.adaptive += report_a.evaluations;
         r.fine += report_f.evaluations;
         uint32_t nodes = 0;
@@ -109,8 +110,8 @@ speedup speedup_measure(const palp_tets *tets, palp_material material, const pok
             r.mean_m += off / tets->meta->skin / p->ticks;
             r.moved_m = fmax(r.moved_m, (double)palp_norm(palp_sub(y, rest)));
         }
-        double off = (double)palp_norm(palp_sub(force_a, force_f));
-        largest = fmax(largest, (double)palp_norm(force_f));
+        double off = (double)palp_norm(palp_sub(on_a.force_N, on_f.force_N));
+        largest = fmax(largest, (double)palp_norm(on_f.force_N));
         off_force = fmax(off_force, off);
         sum_force += k < 300 ? off / 300 : 0;
     }

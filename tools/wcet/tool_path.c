@@ -49,7 +49,8 @@ float path_bound(const palp_contact_cost *cost, const path_tick *tick) {
            palp_contact_cost_finish(cost, l, tick->points, tick->active);
 }
 
-static void one_tick(search *h, palp_vec3 at) {
+static void one_tick(search *h, palp_vec3 place) {
+    const palp_frame at = palp_frame_at(place);
     palp_coupling_result result;
     palp_answer_report r;
     if (h->chill != NULL) h->chill();

@@ -100,12 +100,13 @@ static void add(wcet_table *t, const char *step, const char *counts, int level, 
 static palp_tool tool_of(const wcet_spec *s, float size) {
     palp_tool t = palp_tool_sphere(size);
     if (s->tool == WCET_BALL) return t;
-    t.balls = 0;
     if (s->tool == WCET_PAD) {
+        t.shape = PALP_TOOL_PAD;
         t.pad = (palp_pad){.axis = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                            .half_m = {size, size},
                            .edge_m = 0.3f * size};
     } else {
+        t.shape = PALP_TOOL_CYLINDER;
         t.cylinder = (palp_cylinder){
             .axis = {0, 0, 1}, .radius_m = size, .half_m = size, .rim_m = 0.3f * size};
     }
@@ -294,7 +295,8 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
                                  .cost = {target[k], 1.0f, 0.0f, 1.0f},
                                  .port = {.now_ns = no_clock},
                                  .tick_s = (float)(1 / s->rate_hz)};
-        const palp_vec3 at[PALP_CONTACT_TOOLS] = {{0}};
+        palp_frame at[PALP_CONTACT_TOOLS];
+        for (uint32_t i = 0; i < PALP_CONTACT_TOOLS; i++) at[i] = PALP_FRAME_IDENTITY;
         status = palp_dynamic_init(&d, &c, at, memory, room, NULL);
         if (status != PALP_OK && status != PALP_ERR_BUDGET)
             die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
