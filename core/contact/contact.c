@@ -12,9 +12,11 @@
 /* How far a tool whose contact was missed is put forward, over its size: first, and then. */
 #define NEAR 0.02f
 #define FAR 0.1f
-#define PAIR_SIZE 2.0f   /* of zones that touch, in place of a tool's: edges */
+#define PAIR_SIZE 2.0f    /* of zones that touch, in place of a tool's: edges */
 #define LARGEST_TURN 1.0f /* rad, of a tool on its spring */
-#define BLOCK_CHANGES 6u /* iterations that change many points at once; then one at a time */
+#define CROWDED 0.92f     /* share of the room for points from which fewer are asked for */
+#define FOLLOWS 0.05f     /* share of a change in a tick */
+#define BLOCK_CHANGES 6u  /* iterations that change many points at once; then one at a time */
 
 /* ---- filling ---- */
 
@@ -59,21 +61,30 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     moved = palp_sub(moved, palp_contact_carried(c, t));
     const palp_vec3 force = palp_add(patch->push_N, c->beyond_N[t]);
     const palp_vec3 moment = palp_add(patch->push_Nm, c->beyond_Nm[t]);
-    const float work = palp_dot(force, moved) +
-                       palp_dot(moment, palp_turn_between(c->rest[t].r, patch->at.r));
+    const float work =
+        palp_dot(force, moved) + palp_dot(moment, palp_turn_between(c->rest[t].r, patch->at.r));
     return palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
 }
 
-void palp_contact_begin(palp_contact *c, const palp_frame *at,
-                        const palp_contact_spring *spring) {
+/* Share of the cells that is asked for, so that there is room for the points of a deep contact: what
+ * would need CROWDED of it with so many. It follows slowly, since a step of the spacing is felt, and
+ * back by the same way, since what is stored depends on it. */
+static float crowd_of(const palp_contact *c) {
+    const float used = palp_max((float)c->most_active / (float)c->level.contacts,
+                                (float)c->count / (float)c->level.points);
+    if ((c->flags & PALP_CONTACT_FULL) != 0u) return palp_max(0.9f * c->crowd, 0.2f);
+    const float wanted = palp_min(CROWDED * c->crowd / palp_max(used, CROWDED * c->crowd), 1.0f);
+    return palp_clamp(c->crowd + FOLLOWS * (wanted - c->crowd), 0.2f, 1.0f);
+}
+
+void palp_contact_begin(palp_contact *c, const palp_frame *at, const palp_contact_spring *spring) {
     const float cells = (float)c->level.cells;
+    c->crowd = crowd_of(c);
     c->level = palp_contact_level_at(c, c->now);
     for (uint32_t k = 0; k < c->patches && cells > 0.0f; k++)
         c->patch[k].lattice.at.spacing *= palp_sqrt(cells / (float)c->level.cells);
     swap_ticks(c);
     palp_contact_forget_nodes(c);
-    bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
-    c->crowd = full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.002f * c->crowd, 1.0f);
     c->flags = c->row = c->iterations = c->most_active = c->active_count = 0;
     c->filled = (palp_lattice_counts){.fillings = 0};
     c->filling = c->fillings = c->first = c->runs = c->sides = 0;
@@ -430,8 +441,7 @@ static palp_vec3 middle_of(const palp_contact *c, uint32_t t) {
 static palp_vec3 moment_beyond(const palp_contact *c, uint32_t t, palp_vec3 believed_N,
                                float most_N) {
     const palp_vec3 at = middle_of(c, t);
-    const palp_vec3 couple =
-        palp_sub(c->patch[t].beyond_Nm, palp_cross(at, c->patch[t].beyond_N));
+    const palp_vec3 couple = palp_sub(c->patch[t].beyond_Nm, palp_cross(at, c->patch[t].beyond_N));
     return palp_add(palp_cross(at, believed_N),
                     palp_contact_at_most(couple, most_N * palp_tool_size(&c->tools[t])));
 }

@@ -50,6 +50,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     palp_lattice_filling a;
     l->placed = false;
     l->watched = 0;
+    if (r->other.surface == NULL) l->first_axis = (palp_vec3){0};
     l->at.back_m = 0.0f;
     l->went = (palp_vec3){0};
     l->grew = 0.0f;

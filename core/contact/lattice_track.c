@@ -2,29 +2,45 @@
 /* How a lattice follows the overlap: its axis, origin and spacing. */
 #include "core/contact/lattice_internal.h"
 
-#define SHALLOW 0.4f  /* overlap over the size, from which a sphere's shots come from behind it */
-#define DAMPED 0.4f   /* share of a change that turns back on the last one */
-#define LARGE 0.1f    /* weight over the largest region's, at which a region counts half */
-#define APART 0.6f    /* length of the mean direction up to which an axis hardly follows */
-#define GATHERED 0.8f /* and from which it follows at once */
-#define SLOWEST 0.03f /* share of a change that it takes up in a filling at least */
-#define SLOWER 0.3f   /* the same of the spacing, over several regions */
-#define COVERS 0.4f   /* share of a pad's face from which a lattice begins to keep to its middle */
-#define COVERED 0.8f  /* and keeps to it */
-#define FLOOR 0.015f  /* radius that the smallest contact is taken to have, over the tool's size */
+#define FARTHEST -0.7f /* cosine with the first axis at which one begins anew */
+#define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
+#define DAMPED 0.4f    /* share of a change that turns back on the last one */
+#define LARGE 0.1f     /* weight over the largest region's, at which a region counts half */
+#define APART 0.6f     /* length of the mean direction up to which an axis hardly follows */
+#define GATHERED 0.8f  /* and from which it follows at once */
+#define SLOWEST 0.03f  /* share of a change that it takes up in a filling at least */
+#define SLOWER 0.3f    /* the same of the spacing, over several regions */
+#define COVERS 0.4f    /* share of a pad's face from which a lattice begins to keep to its middle */
+#define COVERED 0.8f   /* and keeps to it */
+#define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
+
+/* The tangent for an axis: that of the first one, turned along the shortest way. So it depends on the
+ * axis alone, and not on the way that it has come. */
+static palp_vec3 tangent_for(const palp_lattice *l, palp_vec3 axis) {
+    const float facing = 1.0f + palp_dot(l->first_axis, axis);
+    const palp_vec3 t = l->first_tangent;
+    return palp_madd(t, -palp_dot(t, axis) / facing, palp_add(l->first_axis, axis));
+}
 
 void palp_lattice_set_axis(palp_lattice *l, palp_vec3 axis) {
     float length = palp_norm(axis);
     if (!(length > 1e-20f)) return;
     l->at.axis = palp_scale(1.0f / length, axis);
-    palp_vec3 t = palp_madd(l->at.tangent[0], -palp_dot(l->at.tangent[0], l->at.axis), l->at.axis);
-    if (palp_norm(t) < 0.3f) {
-        palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
-        t = palp_abs(l->at.axis.x) < 0.7f ? x : y;
-        t = palp_madd(t, -palp_dot(t, l->at.axis), l->at.axis);
+    const bool begun = palp_dot(l->first_axis, l->first_axis) > 0.0f;
+    if (!begun || palp_dot(l->first_axis, l->at.axis) < FARTHEST) {
+        const palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
+        palp_vec3 t =
+            palp_madd(l->at.tangent[0], -palp_dot(l->at.tangent[0], l->at.axis), l->at.axis);
+        if (palp_norm(t) < 0.3f) {
+            t = palp_abs(l->at.axis.x) < 0.7f ? x : y;
+            t = palp_madd(t, -palp_dot(t, l->at.axis), l->at.axis);
+        }
+        l->first_axis = l->at.axis;
+        l->first_tangent = palp_scale(1.0f / palp_norm(t), t);
     }
-    l->at.tangent[0] = palp_scale(1.0f / palp_norm(t), t);
+    l->at.tangent[0] = tangent_for(l, l->at.axis);
+    l->at.tangent[0] = palp_scale(1.0f / palp_norm(l->at.tangent[0]), l->at.tangent[0]);
     l->at.tangent[1] = palp_cross(l->at.axis, l->at.tangent[0]);
 }
 

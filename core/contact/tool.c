@@ -6,7 +6,7 @@
 #define SLOPE 1.3333334f  /* BETA / HEIGHT */
 #define MERGE 0.2f        /* width of the blend between balls, over the smaller radius */
 #define LEAST_FACING 0.3f /* a depth is measured as if the node faced the tool at least so well */
-#define LEAST_SLOPE 0.5f  /* of a field: below it the place lies between its sides */
+#define LEAST_SLOPE 0.5f  /* of a gap: below it the place lies between sides of the tool */
 
 palp_tool palp_tool_sphere(float radius_m) {
     return (palp_tool){.balls = 1, .ball[0] = {.radius_m = radius_m}};
@@ -258,8 +258,10 @@ static palp_gap nearer(palp_gap a, palp_gap b, float width) {
     if (between >= width) return low;
     float share = 0.5f * (width - between) / width;
     low.gap_m -= 0.5f * (width - between) * share;
-    palp_vec3 n = palp_madd(low.normal, share, palp_sub(high.normal, low.normal));
-    low.normal = palp_scale(1.0f / palp_max(palp_norm(n), 0.05f), n);
+    const palp_vec3 n = palp_madd(low.normal, share, palp_sub(high.normal, low.normal));
+    const float slope = palp_norm(n);
+    low.gap_m /= palp_max(slope, LEAST_SLOPE);
+    low.normal = palp_scale(1.0f / palp_max(slope, 0.05f), n);
     return low;
 }
 

@@ -191,7 +191,11 @@ static void test_fault(const specification *s, uint64_t *seed) {
                 zero[0] = fmin(zero[0], t.zero_ms);
                 zero[1] = fmax(zero[1], t.zero_ms);
             }
-            const bool passive = t.given_J <= 1.1f * PALP_PASSIVITY_DEFICIT_J;
+            /* Wrong readings that are plausible are believed where the wire has no CRC: what they
+             * gave is found afterwards, and latches. */
+            const bool believed = strncmp(s->list, "corrupt", 7) == 0;
+            const bool found = believed && (t.faults & PALP_FAULT_ENERGY) != 0;
+            const bool passive = found || t.given_J <= 1.1f * PALP_PASSIVITY_DEFICIT_J;
             if (t.sound && passive && t.recovered && in_time && as_specified(s, &t)) continue;
             good = false;
             report_faults(t.faults, states, sizeof states);
