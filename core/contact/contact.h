@@ -155,18 +155,18 @@ typedef struct {
     bool solved;     /* the last tick was finished */
     bool approached; /* a tool tested nodes of a zone in this tick */
     palp_contact_spring spring[PALP_CONTACT_TOOLS];
-    palp_vec3 turn_rad[PALP_CONTACT_TOOLS];      /* from where they are taken to be to `held` */
-    palp_frame rest[PALP_CONTACT_TOOLS];         /* where they come to rest */
-    palp_vec3 force_N[PALP_CONTACT_TOOLS];       /* exact, on each tool, */
-    palp_vec3 moment_Nm[PALP_CONTACT_TOOLS];     /* about its reference point */
-    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];      /* what of them lies beyond - sum lambda m, */
+    palp_vec3 turn_rad[PALP_CONTACT_TOOLS];  /* from where they are taken to be to `held` */
+    palp_frame rest[PALP_CONTACT_TOOLS];     /* where they come to rest */
+    palp_vec3 force_N[PALP_CONTACT_TOOLS];   /* exact, on each tool, */
+    palp_vec3 moment_Nm[PALP_CONTACT_TOOLS]; /* about its reference point */
+    palp_vec3 beyond_N[PALP_CONTACT_TOOLS];  /* what of them lies beyond - sum lambda m, */
     palp_vec3 beyond_Nm[PALP_CONTACT_TOOLS];
-    palp_vec3 repaid_N[PALP_CONTACT_TOOLS];      /* and what makes up for work not done (repay.h) */
+    palp_vec3 repaid_N[PALP_CONTACT_TOOLS]; /* and what makes up for work not done (repay.h) */
     palp_vec3 repaid_Nm[PALP_CONTACT_TOOLS];
-    float normal_N[PALP_CONTACT_TOOLS];          /* sum of lambda */
-    palp_frame held_before[PALP_CONTACT_TOOLS];  /* spring.held of the last solved tick */
-    float stored_J;                              /* the most that was of late, fading */
-    float owed_J;                                /* to the hand */
+    float normal_N[PALP_CONTACT_TOOLS];         /* sum of lambda */
+    palp_frame held_before[PALP_CONTACT_TOOLS]; /* spring.held of the last solved tick */
+    float stored_J;                             /* the most that was of late, fading */
+    float owed_J;                               /* to the hand */
     float far_share; /* of patch.far_field, that the patch under way is taken to meet */
     float forward;   /* how far that is put forward, over its size */
     float energy_J;  /* f C f / 2 */

@@ -8,10 +8,14 @@
 
 static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
     switch (tool->shape) {
-    case PALP_TOOL_CYLINDER: return price->of[PALP_WORK_CYLINDER];
-    case PALP_TOOL_PAD: return price->of[PALP_WORK_PAD];
-    case PALP_TOOL_FIELD: return price->of[PALP_WORK_FIELD];
-    default: return (float)tool->balls * price->of[PALP_WORK_BALL];
+    case PALP_TOOL_CYLINDER:
+        return price->of[PALP_WORK_CYLINDER];
+    case PALP_TOOL_PAD:
+        return price->of[PALP_WORK_PAD];
+    case PALP_TOOL_FIELD:
+        return price->of[PALP_WORK_FIELD];
+    default:
+        return (float)tool->balls * price->of[PALP_WORK_BALL];
     }
 }
 
@@ -48,13 +52,20 @@ static void around(const palp_blob *blob, float reach, palp_contact_presser *p) 
     uint32_t met[3];
     for (uint32_t k = 0; k < 3u; k++) met[k] = cells_met(blob->meta, k, reach);
     p->nodes += (float)nodes_around(blob, met);
-    p->rows += (float)(met[1] * met[2]);
+    p->visits += (float)(met[1] * met[2]);
+}
+
+/* Of a tool, once the nodes of all bodies are counted. */
+static void count_visits(palp_contact_presser *p, const palp_tool *tool) {
+    const bool field = tool != NULL && tool->shape == PALP_TOOL_FIELD;
+    p->visits += (field ? 3.0f : 1.0f) * p->nodes;
+    if (field) p->nodes = palp_min(p->nodes, (float)PALP_LATTICE_TESTS);
 }
 
 static void take_worst(palp_contact_cost *c, const palp_contact_presser *p) {
     c->evaluation = palp_max(c->evaluation, p->evaluation);
     c->nodes = palp_max(c->nodes, p->nodes);
-    c->rows = palp_max(c->rows, p->rows);
+    c->visits = palp_max(c->visits, p->visits);
 }
 
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
@@ -66,6 +77,7 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
     for (uint32_t t = 0; t < tool_count; t++) {
         c.presser[t] = (palp_contact_presser){.evaluation = evaluation_of(&tools[t], price)};
         around(blob, palp_lattice_reach(&tools[t], blob), &c.presser[t]);
+        count_visits(&c.presser[t], &tools[t]);
         take_worst(&c, &c.presser[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
     }
@@ -100,9 +112,11 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     }
     for (uint32_t t = 0; t < tool_count; t++) {
         c.presser[t].evaluation = evaluation_of(&tools[t], price);
+        count_visits(&c.presser[t], &tools[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
         take_worst(&c, &c.presser[t]);
     }
+    count_visits(pair, NULL);
     if (pairs) take_worst(&c, pair);
     c.zones = (float)z->meta->zones;
     c.pairs = pairs ? 1.0f : 0.0f;
@@ -155,12 +169,12 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 }
 
 static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_contact_level level,
-                                       uint32_t nodes, uint32_t rows) {
+                                       uint32_t nodes, uint32_t visits) {
     const uint32_t shots = PALP_LATTICE_SHOTS(level.points), ring = (uint32_t)cost->ring;
     const uint32_t feet = PALP_LATTICE_FEET(level.points);
     const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
-                                 .around = nodes + rows + feet * ring,
+                                 .around = visits + feet * ring,
                                  .evaluations = nodes + shots + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
                                                 10u * feet + 1u,
@@ -171,7 +185,7 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
 
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level) {
-    return most_filled(cost, level, (uint32_t)cost->nodes, (uint32_t)cost->rows);
+    return most_filled(cost, level, (uint32_t)cost->nodes, (uint32_t)cost->visits);
 }
 
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {
@@ -181,7 +195,7 @@ float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level l
 float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_level level,
                                 uint32_t tool) {
     const palp_contact_presser *p = &cost->presser[tool];
-    palp_lattice_counts most = most_filled(cost, level, (uint32_t)p->nodes, (uint32_t)p->rows);
+    palp_lattice_counts most = most_filled(cost, level, (uint32_t)p->nodes, (uint32_t)p->visits);
     if (tool == PALP_CONTACT_TOOLS) {
         most.shots += most.evaluations;
         most.crossings *= PALP_LATTICE_BETWEEN;

@@ -4,7 +4,8 @@
  * prices in capitals. Everything follows from the level and from how many points there are.
  *
  *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool
- *   N            most nodes of the search grid's cells around a tool, wherever it is
+ *   N            most nodes of the search grid's cells around a tool, wherever it is; of a field
+ *                all are looked at, three times AROUND, but PALP_LATTICE_TESTS of them tested
  *   shots, crossings, rings, feet: the most of one filling (lattice.h)
  */
 #ifndef PALP_CONTACT_COST_H
@@ -13,15 +14,16 @@
 #include "core/budget/price.h"
 #include "core/contact/contact.h"
 
-/* Of one thing that presses. */
+/* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes and
+ * rows of cells on the way. */
 typedef struct {
-    float evaluation, nodes, rows;
+    float evaluation, nodes, visits;
 } palp_contact_presser;
 
 typedef struct {
     palp_prices price;
     palp_contact_presser presser[PALP_CONTACT_TOOLS + 1u]; /* the tools; last: another zone */
-    float tools, evaluation, nodes, rows, ring;            /* the most of them */
+    float tools, evaluation, nodes, visits, ring;          /* the most of them */
     uint32_t modes;
     bool friction;
     float patches;      /* tools, and pairs of zones */

@@ -268,7 +268,8 @@ static void equations(const palp_lattice *l, const derivative_sums *f, bool cent
                       float cells, uint32_t k, float r[PARAMETERS]) {
     const palp_lattice_state *s = &l->used;
     const palp_vec3 about = turn_of(s, flat, k), none = {0};
-    palp_vec3 own = palp_cross(about, s->origin_m); /* of the origin, seen from the reference point */
+    palp_vec3 own =
+        palp_cross(about, s->origin_m); /* of the origin, seen from the reference point */
     if (k >= OF_LATTICE + ORIGIN && k < OF_LATTICE + ORIGIN + 2u)
         own = s->tangent[k - OF_LATTICE - ORIGIN];
     const palp_vec3 moved = k < TURN ? unit(k) : own; /* and in space */
@@ -280,8 +281,8 @@ static void equations(const palp_lattice *l, const derivative_sums *f, bool cent
             continue;
         }
         r[AXIS + e] = flat ? 0.0f : palp_dot(f->dout[k], s->tangent[e]) + palp_dot(f->out, turn);
-        const palp_vec3 kept = palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0,
-                                         k < TURN ? none : own);
+        const palp_vec3 kept =
+            palp_madd(palp_scale(f->d0[k], s->origin_m), f->s0, k < TURN ? none : own);
         const palp_vec3 change =
             palp_scale(1.0f - s->fixed, palp_madd(f->dtoward[k], -f->s0, moved));
         r[ORIGIN + e] = palp_dot(palp_madd(change, -s->fixed, kept), s->tangent[e]) +
@@ -413,8 +414,7 @@ static palp_wrench seen_from_far_field(const palp_contact *c, uint32_t k, palp_w
     float room = along + 5.0f / 3.0f * local;
     if (used > 1u) room = palp_max(room, palp_norm(h)); /* others move the body too */
     const float back = -palp_dot(h, v.force_N) / room;
-    return (palp_wrench){palp_madd(v.force_N, back, n),
-                         palp_madd(v.moment_Nm, back / force, turn)};
+    return (palp_wrench){palp_madd(v.force_N, back, n), palp_madd(v.moment_Nm, back / force, turn)};
 }
 
 void palp_contact_exact(palp_contact *c) {
@@ -431,8 +431,9 @@ void palp_contact_exact(palp_contact *c) {
         }
         if (!any) continue;
         derivative_force(c, patch, &f, follows);
-        const palp_wrench moved = {palp_add(palp_vec3_at(f.q), palp_vec3_at(follows)),
-                                   palp_add(palp_vec3_at(f.q + TURN), palp_vec3_at(follows + TURN))};
+        const palp_wrench moved = {
+            palp_add(palp_vec3_at(f.q), palp_vec3_at(follows)),
+            palp_add(palp_vec3_at(f.q + TURN), palp_vec3_at(follows + TURN))};
         const palp_wrench beyond = seen_from_far_field(c, k, moved);
         patch->beyond_N = beyond.force_N;
         patch->beyond_Nm = beyond.moment_Nm;

@@ -190,8 +190,7 @@ static void press(palp_impose *p, const palp_imposed *s, const tool_motion *tool
     float rate = palp_max(palp_dot(s->n, v) - palp_dot(at.push, there), 0.0f);
     float push = yield(d, s, delta, rate);
     p->impulse_Ns[s->tool] = palp_madd(p->impulse_Ns[s->tool], push, at.push);
-    p->impulse_Nms[s->tool] =
-        palp_madd(p->impulse_Nms[s->tool], push, palp_cross(arm, at.push));
+    p->impulse_Nms[s->tool] = palp_madd(p->impulse_Nms[s->tool], push, palp_cross(arm, at.push));
     p->pressed[s->skin] |= (uint8_t)(1u << s->tool);
     p->inside++;
 }
@@ -215,8 +214,7 @@ void palp_impose_step(palp_impose *p, uint32_t s, uint32_t steps) {
         tool[t] = motion_at(p, t, (float)(s + 1u) / (float)steps, s + 1u == steps);
     const float most_m = PALP_IMPOSE_SPEED * p->dyna->config.tick_s / (float)steps;
     p->inside = 0;
-    for (uint32_t i = 0; i < p->count; i++)
-        press(p, &p->point[i], &tool[p->point[i].tool], most_m);
+    for (uint32_t i = 0; i < p->count; i++) press(p, &p->point[i], &tool[p->point[i].tool], most_m);
 }
 
 void palp_impose_end(const palp_impose *impose, palp_wrench *on_tool) {

@@ -45,8 +45,8 @@ typedef struct {
     palp_vec3 turn_rad[PALP_CONTACT_TOOLS];    /* from the one to the other */
     palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS];  /* on the tools, in this tick, */
     palp_vec3 impulse_Nms[PALP_CONTACT_TOOLS]; /* and its moment about the reference point */
-    uint32_t narrow_tests;                    /* narrow-phase tests left in this tick */
-    uint32_t inside;                          /* points that were moved in the last step */
+    uint32_t narrow_tests;                     /* narrow-phase tests left in this tick */
+    uint32_t inside;                           /* points that were moved in the last step */
     uint64_t overflow; /* vertices that had no room among the points, so far */
 } palp_impose;
 

@@ -6,9 +6,7 @@
 
 bool palp_lattice_is_central(const palp_tool *tool) { return palp_tool_is_ball(tool); }
 
-bool palp_lattice_is_flat(const palp_tool *tool) {
-    return tool->shape == PALP_TOOL_PAD;
-}
+bool palp_lattice_is_flat(const palp_tool *tool) { return tool->shape == PALP_TOOL_PAD; }
 
 /* Between two bodies each shot crosses the triangles of both. */
 static uint32_t crossings_of(const palp_lattice_room *r) {
@@ -39,6 +37,7 @@ static void start_filling(palp_lattice_filling *f, palp_lattice *l, const palp_l
                                 .crossings = crossings_of(r),
                                 .rings = PALP_LATTICE_RINGS(r->most),
                                 .feet = PALP_LATTICE_FEET(r->most),
+                                .tests = PALP_LATTICE_TESTS,
                                 .unsure_m = UNSURE * palp_norm(r->far_field.mean_m),
                                 .far_m = ELSEWHERE * palp_norm(r->far_field.mean_m) +
                                          PALP_LATTICE_MARGIN * edge_of(r)};
@@ -126,6 +125,7 @@ uint32_t palp_lattice_fill(palp_lattice *l, const palp_lattice_room *room, uint3
     l->placed = *room->count > first;
     if (!l->placed) return PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = palp_lattice_track(l, room, &f);
-    return (f.full ? PALP_LATTICE_FULL : 0u) | (f.crossings == 0u ? PALP_LATTICE_LOST : 0u) |
+    const bool lost = f.crossings == 0u || f.tests == 0u;
+    return (f.full ? PALP_LATTICE_FULL : 0u) | (lost ? PALP_LATTICE_LOST : 0u) |
            (moved || f.full ? PALP_LATTICE_MOVED : 0u);
 }

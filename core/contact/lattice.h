@@ -46,6 +46,7 @@
 #define PALP_LATTICE_FEET(room) ((room) / 16u + 3u)  /* nearest points sought, four shots each */
 #define PALP_LATTICE_WANTED(room) (3u * (room) / 5u) /* points kept because they carried force */
 #define PALP_LATTICE_WATCHED 4u /* nodes beyond the reach of the contact that are kept in sight */
+#define PALP_LATTICE_TESTS 512u /* nodes near a field that are tested in one filling */
 #define PALP_LATTICE_BENT                                                                          \
     48u /* nodes of a zone asked how they are bent, before there is a lattice */
 #define PALP_LATTICE_FAR_MODES 16u /* which say how the body has moved them */
@@ -97,11 +98,11 @@ typedef struct {
 } palp_lattice_watch;
 
 typedef struct {
-    palp_lattice_state at;   /* where the next filling will be */
-    palp_lattice_state used; /* of the points of this tick */
+    palp_lattice_state at;               /* where the next filling will be */
+    palp_lattice_state used;             /* of the points of this tick */
     palp_vec3 first_axis, first_tangent; /* of the touch, which the tangents follow */
-    palp_vec3 went;          /* how axis or origin changed in the last filling, over the spacing */
-    float grew;              /* and the spacing, less 1 */
+    palp_vec3 went; /* how axis or origin changed in the last filling, over the spacing */
+    float grew;     /* and the spacing, less 1 */
     bool placed;
     bool apart; /* its axis follows slowly, between regions */
     uint32_t watched;
@@ -148,7 +149,9 @@ typedef struct {
 
 #define PALP_LATTICE_FULL 1u  /* more points or shots were wanted than there is room for */
 #define PALP_LATTICE_MOVED 2u /* the overlap asks for another filling */
-#define PALP_LATTICE_LOST 8u  /* shots ended before they met anything: too many crossings */
+#define PALP_LATTICE_LOST                                                                          \
+    8u                        /* shots ended before they met anything, or nodes near a field were
+                                 not tested: too many */
 #define PALP_LATTICE_BEGUN 4u /* laid where the tool overlaps, still without points: fill it */
 
 /*

@@ -17,6 +17,7 @@ typedef struct {
     bool central;
     uint32_t first;                              /* points of this tool begin here */
     uint32_t shots_left, crossings, rings, feet; /* left in this filling */
+    uint32_t tests;                              /* of nodes near a field, left */
     bool full;                                   /* sites were left out */
     bool crowded;                                /* and nodes that say how zones are bent */
     uint32_t regions, end[PALP_LATTICE_SEEDS];   /* points of each region end here */

@@ -199,12 +199,17 @@ typedef struct {
     palp_far_field_sums bent;
 } visit;
 
-/* Whether a place, from the tool's reference point, is not beyond the box of a long tool. */
-static bool may_meet(const palp_lattice_filling *f, palp_vec3 off) {
+/* Whether a place, from the tool's reference point, is to be tested: not what lies beyond the box of a
+ * long tool. */
+static bool may_meet(palp_lattice_filling *f, palp_vec3 off) {
     const palp_lattice_room *r = f->r;
     if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return true;
     const float reach = palp_max(r->size_m, f->far_m); /* whichever a visit asks for */
-    return palp_tool_may_reach(r->tool, palp_rotate_back(f->moved.r, off), reach);
+    r->done->around += 2u;
+    if (!palp_tool_may_reach(r->tool, palp_rotate_back(f->moved.r, off), reach)) return false;
+    if (f->tests == 0u) return false;
+    f->tests--;
+    return true;
 }
 
 static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_t node) {

@@ -230,8 +230,7 @@ static void begin_pair(palp_contact *c, const encounter *e) {
     const float edge = s->blob->meta->mean_edge_m;
     p->met_m = at.y;
     p->at = palp_frame_at(palp_carry(here, at.y));
-    p->bent =
-        (palp_far_field){.at_m = p->at.t, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
+    p->bent = (palp_far_field){.at_m = p->at.t, .mean_m = e->bent_m, .fade = 0.01f / (edge * edge)};
     p->before = e->before;
     palp_lattice_aim(&p->lattice, e->axis, e->bent_m);
 }

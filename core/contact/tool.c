@@ -55,11 +55,16 @@ bool palp_tool_is_sound(const palp_tool *tool) {
     if (!(tool->friction >= 0.0f && tool->friction <= 10.0f)) return false;
     if (!(tool->sliding >= 0.0f && tool->sliding <= tool->friction)) return false;
     switch (tool->shape) {
-    case PALP_TOOL_OF_BALLS: return balls_are_sound(tool);
-    case PALP_TOOL_CYLINDER: return cylinder_is_sound(&tool->cylinder);
-    case PALP_TOOL_PAD: return pad_is_sound(&tool->pad);
-    case PALP_TOOL_FIELD: return tool->field.sample != NULL;
-    default: return false;
+    case PALP_TOOL_OF_BALLS:
+        return balls_are_sound(tool);
+    case PALP_TOOL_CYLINDER:
+        return cylinder_is_sound(&tool->cylinder);
+    case PALP_TOOL_PAD:
+        return pad_is_sound(&tool->pad);
+    case PALP_TOOL_FIELD:
+        return tool->field.sample != NULL;
+    default:
+        return false;
     }
 }
 
@@ -72,10 +77,14 @@ static float least_ball(const palp_tool *tool) {
 float palp_tool_size(const palp_tool *tool) {
     const palp_cylinder *y = &tool->cylinder;
     switch (tool->shape) {
-    case PALP_TOOL_CYLINDER: return palp_min(y->radius_m, 4.0f * y->rim_m);
-    case PALP_TOOL_PAD: return tool->pad.edge_m;
-    case PALP_TOOL_FIELD: return tool->field.size_m;
-    default: return least_ball(tool);
+    case PALP_TOOL_CYLINDER:
+        return palp_min(y->radius_m, 4.0f * y->rim_m);
+    case PALP_TOOL_PAD:
+        return tool->pad.edge_m;
+    case PALP_TOOL_FIELD:
+        return tool->field.size_m;
+    default:
+        return least_ball(tool);
     }
 }
 
@@ -222,18 +231,21 @@ static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
     const palp_tool_distance d = palp_tool_field_at(f, x);
     const float facing = -palp_dot(n, d.slope);
     const float over = 1.0f / palp_max(facing, LEAST_FACING);
-    return (palp_touch){.depth_m = -d.distance_m * over,
-                        .facing = facing,
-                        .push = palp_scale(-over, d.slope)};
+    return (palp_touch){
+        .depth_m = -d.distance_m * over, .facing = facing, .push = palp_scale(-over, d.slope)};
 }
 
 /* In the tool's own axes. */
 static palp_touch touch_of(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
     switch (tool->shape) {
-    case PALP_TOOL_CYLINDER: return cylinder_at(&tool->cylinder, x, n);
-    case PALP_TOOL_PAD: return pad_at(&tool->pad, x, n);
-    case PALP_TOOL_FIELD: return field_at(&tool->field, x, n);
-    default: return balls_at(tool, x, n);
+    case PALP_TOOL_CYLINDER:
+        return cylinder_at(&tool->cylinder, x, n);
+    case PALP_TOOL_PAD:
+        return pad_at(&tool->pad, x, n);
+    case PALP_TOOL_FIELD:
+        return field_at(&tool->field, x, n);
+    default:
+        return balls_at(tool, x, n);
     }
 }
 
@@ -310,10 +322,14 @@ static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
 /* In the tool's own axes. */
 static palp_gap gap_of(const palp_tool *tool, palp_vec3 x) {
     switch (tool->shape) {
-    case PALP_TOOL_CYLINDER: return gap_of_cylinder(&tool->cylinder, x);
-    case PALP_TOOL_PAD: return gap_of_pad(&tool->pad, x);
-    case PALP_TOOL_FIELD: return gap_of_field(&tool->field, x);
-    default: return gap_of_balls(tool, x);
+    case PALP_TOOL_CYLINDER:
+        return gap_of_cylinder(&tool->cylinder, x);
+    case PALP_TOOL_PAD:
+        return gap_of_pad(&tool->pad, x);
+    case PALP_TOOL_FIELD:
+        return gap_of_field(&tool->field, x);
+    default:
+        return gap_of_balls(tool, x);
     }
 }
 
@@ -364,7 +380,8 @@ float palp_tool_extent(const palp_tool *tool) {
         u = palp_abs(middle.x) + half.x, v = palp_abs(middle.y) + half.y;
         w = palp_abs(middle.z) + half.z;
         return palp_sqrt(u * u + v * v + w * w);
-    default: return extent_of_balls(tool);
+    default:
+        return extent_of_balls(tool);
     }
 }
 
@@ -401,7 +418,8 @@ float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
         middle = middle_of(&tool->field, &half);
         return palp_dot(d, middle) + half.x * palp_abs(d.x) + half.y * palp_abs(d.y) +
                half.z * palp_abs(d.z);
-    default: return support_of_balls(tool, d);
+    default:
+        return support_of_balls(tool, d);
     }
 }
 

@@ -21,8 +21,7 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
                                 is_positive(m->size_m) && m->radius_m >= 0.0f &&
                                 palp_is_finite(m->radius_m));
     if (r.status != PALP_OK) return r.status;
-    const int16_t *sample =
-        palp_reader_section(&r, PALP_SEC_TOOL_SAMPLE, samples, sizeof *sample);
+    const int16_t *sample = palp_reader_section(&r, PALP_SEC_TOOL_SAMPLE, samples, sizeof *sample);
     if (sample == NULL) return r.status;
     *field = (palp_tool_field){.sample = sample,
                                .count = {m->count[0], m->count[1], m->count[2]},
@@ -46,7 +45,8 @@ void palp_tool_field_box(const palp_tool_field *f, palp_vec3 *low_m, palp_vec3 *
 typedef struct {
     uint32_t first;
     float weight[3], slope[3];
-    float beyond_m; /* how far the place is beyond the grid, towards its end or (< 0) its beginning */
+    float
+        beyond_m; /* how far the place is beyond the grid, towards its end or (< 0) its beginning */
 } axis_weights;
 
 static axis_weights weights_at(float x_m, float origin_m, float step_m, uint32_t count) {
@@ -90,7 +90,8 @@ palp_tool_distance palp_tool_field_at(const palp_tool_field *f, palp_vec3 own) {
         slope.y += z.weight[k] * along_y;
         slope.z += z.slope[k] * of_plane;
     }
-    palp_tool_distance d = {f->unit_m * sum - f->radius_m, palp_scale(f->unit_m / f->step_m, slope)};
+    palp_tool_distance d = {f->unit_m * sum - f->radius_m,
+                            palp_scale(f->unit_m / f->step_m, slope)};
     const palp_vec3 beyond = {x.beyond_m, y.beyond_m, z.beyond_m};
     const float away = palp_norm(beyond);
     if (!(away > 0.0f)) return d;

@@ -47,12 +47,35 @@ static palp_vec3 anywhere(dice *d) {
     return (palp_vec3){dice_float(d), dice_float(d), dice_float(d)};
 }
 
-static palp_tool some_tool(dice *d, float edge) {
+/* A ball as a field of so many samples along each axis. */
+#define FIELD_SAMPLES 16u
+static palp_tool field_tool(cases *c, float size) {
+    int16_t *sample = cases_take(c, FIELD_SAMPLES * FIELD_SAMPLES * FIELD_SAMPLES * sizeof *sample);
+    const float half = 1.5f * size, step = 2.0f * half / (float)(FIELD_SAMPLES - 1u);
+    const float unit = 2.0f * half / 32767.0f;
+    for (uint32_t i = 0; i < FIELD_SAMPLES * FIELD_SAMPLES * FIELD_SAMPLES; i++) {
+        const palp_vec3 x = {step * (float)(i % FIELD_SAMPLES) - half,
+                             step * (float)(i / FIELD_SAMPLES % FIELD_SAMPLES) - half,
+                             step * (float)(i / (FIELD_SAMPLES * FIELD_SAMPLES)) - half};
+        sample[i] = (int16_t)((palp_norm(x) - size) / unit);
+    }
+    return (palp_tool){.shape = PALP_TOOL_FIELD,
+                       .field = {.sample = sample,
+                                 .count = {FIELD_SAMPLES, FIELD_SAMPLES, FIELD_SAMPLES},
+                                 .origin_m = {-half, -half, -half},
+                                 .step_m = step,
+                                 .unit_m = unit,
+                                 .size_m = size}};
+}
+
+static palp_tool some_tool(cases *c, dice *d, float edge) {
     float size = edge * (0.6f + 2.5f * (1.0f + dice_float(d)));
     palp_tool tool = palp_tool_sphere(size);
     palp_vec3 z = anywhere(d), x = palp_cross(z, anywhere(d));
     float length = palp_norm(x);
-    switch (dice_below(d, 5)) {
+    switch (dice_below(d, 6)) {
+    case 5:
+        return field_tool(c, size);
     case 0:
         tool.balls = 2u + dice_below(d, 3);
         for (uint32_t i = 0; i < tool.balls; i++)
@@ -137,7 +160,7 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
     const float edge = blob->meta->mean_edge_m;
     palp_contact *contact = cases_take(c, sizeof *contact);
     palp_tool *tool = cases_take(c, sizeof *tool);
-    *tool = some_tool(d, edge);
+    *tool = some_tool(c, d, edge);
     palp_contact_cost *unit = cases_take(c, PALP_WORKS * sizeof *unit);
     for (uint32_t k = 0; k < cases_prices(c); k++) {
         palp_prices price = cases_price(c, k);
@@ -151,7 +174,8 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
     if (palp_contact_init(contact, &config, memory, bytes) == PALP_OK) {
         const float extent = palp_tool_extent(tool);
         uint32_t node = blob->domain[PALP_FREE].node[dice_below(d, blob->domain[PALP_FREE].slots)];
-        palp_contact_spring spring = {.stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *
+        palp_contact_spring spring = {.held = PALP_FRAME_IDENTITY,
+                                      .stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *
                                                            (0.2f + 1.0f + dice_float(d))};
         for (uint32_t i = 0; i < 40u; i++) {
             if (i % 10u == 0u) contact->now = dice_below(d, PALP_CONTACT_LEVELS);
@@ -159,11 +183,14 @@ static void run(cases *c, const palp_blob *blob, dice *d) {
                 node = blob->ring[blob->ring_offset[node] +
                                   dice_below(d, blob->ring_offset[node + 1u] -
                                                     blob->ring_offset[node])];
-            const palp_frame at = palp_frame_at(
-                palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
-                          extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
-                          palp_vec3_at(blob->normal + 3u * (size_t)node)));
-            spring.held = palp_frame_at(palp_madd(at.t, 0.3f * edge, anywhere(d)));
+            palp_frame at =
+                palp_frame_at(palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
+                                        extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
+                                        palp_vec3_at(blob->normal + 3u * (size_t)node)));
+            if (i % 3u == 0u) palp_turn_by(anywhere(d), spring.held.r, at.r);
+            spring.held = at;
+            spring.held.t = palp_madd(at.t, 0.3f * edge, anywhere(d));
+            spring.stiffness_Nm_per_rad = dice_below(d, 2) == 0u ? 0.0f : 0.5f;
             cases_of_tick(c, contact, unit, &at, &spring);
         }
     }
