@@ -44,7 +44,7 @@ static void count_search(cases *c, poked *p, palp_vec3 place) {
 
 static void count_steps(cases *c, poked *p, uint32_t most_class) {
     palp_dyna *d = &p->body.dyna;
-    palp_vec3 force;
+    palp_wrench on_tool;
     uint32_t steps = palp_dyna_steps(d, most_class);
     for (uint32_t s = 0; s < steps; s++) {
         features f = {{0}};
@@ -60,7 +60,7 @@ static void count_steps(cases *c, poked *p, uint32_t most_class) {
         uint64_t after = instructions();
         cases_tell_features(c, "steps", s == 0u, &f, after - before);
     }
-    palp_impose_end(&p->body.impose, &force);
+    palp_impose_end(&p->body.impose, &on_tool);
 }
 
 static void count_end(cases *c, poked *p, float room) {
