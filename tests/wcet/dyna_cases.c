@@ -105,10 +105,11 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
                                       .cost = {&palp_target_counted, 1e-6f, 0.0f, 0.8f},
                                       .port = {.now_ns = no_time},
                                       .tick_s = 1e-3f};
-        const palp_frame at = PALP_FRAME_IDENTITY;
+        palp_vec3 at = {0};
+        const palp_frame begin = PALP_FRAME_IDENTITY;
         config.adapt.max_changes = 1u + dice_below(&d, 12);
         config.adapt.dwell_ticks = dice_below(&d, 30);
-        if (palp_dynamic_init(&p->body, &config, &at, cases_take(c, bytes), bytes, NULL) != PALP_OK)
+        if (palp_dynamic_init(&p->body, &config, &begin, cases_take(c, bytes), bytes, NULL) != PALP_OK)
             return;
         for (uint32_t tick = 0; tick < 120u; tick++) {
             uint32_t node = tets->skin_node[dice_below(&d, tets->meta->skin)];
