@@ -8,10 +8,10 @@
 #define GLITCH_TURNS 5.0
 
 void sim_bus_init(sim_bus *b, const device_file *file, hand script, fault_list f) {
-    double start[3];
+    hand_pose start;
     *b = (sim_bus){.script = script, .faults = f};
-    hand_target(&b->script, 0, start);
-    sim_device_init(&b->device, file, start);
+    hand_target(&b->script, 0, &start);
+    sim_device_init(&b->device, file, &start);
 }
 
 static void put(sim_lane *lane, const palp_can_frame *frame, double due_s) {
@@ -79,12 +79,11 @@ static void answer(sim_bus *b) {
 uint32_t sim_bus_pass(sim_bus *b, double dt_s, palp_can_frame *frames, uint32_t capacity,
                       uint32_t *events) {
     palp_can_frame frame;
-    double target[3];
+    hand_pose target;
     while (land(&b->to_device, b->time_s, &frame)) sim_device_receive(&b->device, &frame);
     strike_device(b);
-    hand_target(&b->script, b->time_s, target);
-    sim_device_move(&b->device, dt_s, target, b->script.stiffness_N_per_m,
-                    b->script.damping_Ns_per_m);
+    hand_target(&b->script, b->time_s, &target);
+    sim_device_move(&b->device, dt_s, &target, &b->script);
     answer(b);
     bool off = fault_now(&b->faults, FAULT_BUS_OFF, b->time_s) != NULL;
     *events = off && !b->was_off ? PALP_EVENT_BUS_OFF : 0;

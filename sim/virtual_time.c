@@ -12,7 +12,7 @@ static uint64_t virtual_clock(void *context) {
 }
 
 palp_servo_config rig_config(rig *r, const palp_blob *blob) {
-    touch_frame t = place_body(blob, &r->file.device, UINT32_MAX);
+    touch_frame t = place_body(blob, &r->file.device, UINT32_MAX, NULL, 0);
     return (palp_servo_config){
         .device = r->file.device,
         .placement = t.placement,

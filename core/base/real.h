@@ -46,6 +46,14 @@ static inline bool palp_is_finite(float x) {
     return (bits.u & 0x7f800000u) != 0x7f800000u;
 }
 
+/* How many bits are set, added up in pairs, fours, eights and all. */
+static inline uint32_t palp_bits(uint32_t x) {
+    x -= (x >> 1u) & 0x55555555u;
+    x = (x & 0x33333333u) + ((x >> 2u) & 0x33333333u);
+    x = (x + (x >> 4u)) & 0x0f0f0f0fu;
+    return (x * 0x01010101u) >> 24u;
+}
+
 static inline bool palp_same_bits(float a, float b) {
     union {
         float f;

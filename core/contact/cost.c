@@ -58,7 +58,7 @@ static void around(const palp_blob *blob, float reach, palp_contact_presser *p) 
 /* Of a tool, once the nodes of all bodies are counted. */
 static void count_visits(palp_contact_presser *p, const palp_tool *tool) {
     const bool field = tool != NULL && tool->shape == PALP_TOOL_FIELD;
-    p->visits += (field ? 3.0f : 1.0f) * p->nodes;
+    p->visits += (field ? 2.0f : 1.0f) * p->nodes;
     if (field) p->nodes = palp_min(p->nodes, (float)PALP_LATTICE_TESTS);
 }
 

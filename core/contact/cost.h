@@ -5,7 +5,7 @@
  *
  *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool
  *   N            most nodes of the search grid's cells around a tool, wherever it is; of a field
- *                all are looked at, three times AROUND, but PALP_LATTICE_TESTS of them tested
+ *                all are looked at, twice AROUND, but PALP_LATTICE_TESTS of them tested
  *   shots, crossings, rings, feet: the most of one filling (lattice.h)
  */
 #ifndef PALP_CONTACT_COST_H

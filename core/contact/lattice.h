@@ -46,7 +46,7 @@
 #define PALP_LATTICE_FEET(room) ((room) / 16u + 3u)  /* nearest points sought, four shots each */
 #define PALP_LATTICE_WANTED(room) (3u * (room) / 5u) /* points kept because they carried force */
 #define PALP_LATTICE_WATCHED 4u /* nodes beyond the reach of the contact that are kept in sight */
-#define PALP_LATTICE_TESTS 512u /* nodes near a field that are tested in one filling */
+#define PALP_LATTICE_TESTS 256u /* nodes near a field that are tested in one filling */
 #define PALP_LATTICE_BENT                                                                          \
     48u /* nodes of a zone asked how they are bent, before there is a lattice */
 #define PALP_LATTICE_FAR_MODES 16u /* which say how the body has moved them */

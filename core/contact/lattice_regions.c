@@ -205,7 +205,7 @@ static bool may_meet(palp_lattice_filling *f, palp_vec3 off) {
     const palp_lattice_room *r = f->r;
     if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return true;
     const float reach = palp_max(r->size_m, f->far_m); /* whichever a visit asks for */
-    r->done->around += 2u;
+    r->done->around++;
     if (!palp_tool_may_reach(r->tool, palp_rotate_back(f->moved.r, off), reach)) return false;
     if (f->tests == 0u) return false;
     f->tests--;

@@ -25,6 +25,10 @@ palp_bus_load palp_bus_load_of(const palp_device *device) {
     float slow = t.slow_hz / c->rate_hz * palp_frame_time_s(8, false, bit, 0.0f);
     palp_bus_load load = {.cycle_s = (float)axes * (one + slow) +
                                      (float)t.shared * palp_frame_time_s(0, false, bit, 0.0f)};
+    /* encoders without a motor that speak by themselves are sent nothing */
+    const uint32_t unsent = palp_drive_delay(c->protocol) > 0u ? 0u : palp_bits(device->passive);
+    load.cycle_s -=
+        (float)unsent * palp_frame_time_s(t.command_bytes, t.command_extended, bit, fast);
     load.load = load.cycle_s * c->rate_hz;
     return load;
 }

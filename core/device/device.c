@@ -3,6 +3,7 @@
 #include "core/device/busload.h"
 #include <float.h>
 
+#define HAND_RAD_S 60.0f           /* as fast as fingers spin a stylus, with room to spare */
 #define PLAUSIBLE 2.0f             /* a joint may move this many times what its speed limit asks */
 #define FRICTION_SPEED_RAD_S 0.05f /* below it friction is compensated in proportion */
 
@@ -19,6 +20,10 @@ bool palp_device_is_sound(const palp_device *d) {
     uint32_t most = d->drives.protocol == PALP_PROTOCOL_CIA402 ? 126u
                     : d->drives.protocol == PALP_PROTOCOL_MIT  ? 15u
                                                                : 63u;
+    if (palp_device_turns(d))
+        sound = sound && is_positive(d->moment_max_Nm) && is_positive(d->stiffness_max_Nm_per_rad) &&
+                d->damping_max_Nms_per_rad >= 0.0f && palp_is_finite(d->damping_max_Nms_per_rad);
+    sound = sound && (d->passive & ((1u << palp_arm_axes(&d->kinematics)) - 1u)) == 0u;
     for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++) {
         sound = sound && palp_abs(d->gear[i]) > 0.0f && palp_is_finite(d->gear[i]) &&
                 d->node_id[i] <= most && d->joint_min_rad[i] < d->joint_max_rad[i] &&
@@ -59,7 +64,17 @@ float palp_device_stiffest(const palp_device *device) {
     return device->mass_kg > 0.0f ? 0.5f * device->mass_kg / (seen * seen) : FLT_MAX;
 }
 
-float palp_device_joint_speed(const palp_device *device) {
+uint32_t palp_device_motors(const palp_device *device) {
+    return ((1u << palp_axes(&device->kinematics)) - 1u) & ~device->passive;
+}
+
+bool palp_device_turns(const palp_device *device) {
+    const uint32_t wrist = 7u << palp_wrist_axis(&device->kinematics);
+    return device->kinematics.wrist && (palp_device_motors(device) & wrist) != 0u;
+}
+
+float palp_device_joint_speed(const palp_device *device, uint32_t joint) {
+    if (joint >= palp_arm_axes(&device->kinematics)) return HAND_RAD_S;
     float reach = palp_min(device->kinematics.upper_m, device->kinematics.fore_m);
     return PLAUSIBLE * device->speed_max_m_s / (0.5f * reach);
 }
@@ -68,10 +83,11 @@ void palp_device_compensate(const palp_device *device, const palp_pose *pose,
                             const float dq_rad_s[PALP_AXES], float gravity_Nm[PALP_AXES],
                             float friction_Nm[PALP_AXES]) {
     const palp_compensation *c = &device->compensation;
-    palp_pose_torques(pose, c->gravity_compensation_N, gravity_Nm);
+    const palp_vec3 none = {0.0f, 0.0f, 0.0f};
+    palp_pose_torques(pose, c->gravity_compensation_N, none, gravity_Nm);
     for (uint32_t i = 0; i < PALP_AXES; i++) {
         friction_Nm[i] = 0.0f;
-        if (i >= palp_axes(&device->kinematics)) continue;
+        if ((palp_device_motors(device) >> i & 1u) == 0u) continue;
         float direction = palp_clamp(dq_rad_s[i] / FRICTION_SPEED_RAD_S, -1.0f, 1.0f);
         friction_Nm[i] = c->coulomb_Nm[i] * direction + c->viscous_Nms[i] * dq_rad_s[i];
     }

@@ -397,6 +397,17 @@ uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
     return n;
 }
 
+uint32_t palp_drive_listen(palp_drive *drive, const palp_drive_config *config,
+                           palp_drive_request request, palp_can_frame *out) {
+    const bool setting_up =
+        request == PALP_REQUEST_PROBE || request == PALP_REQUEST_CONFIGURE;
+    const bool again = drive->since_request % repeat_ticks(config) == 0u;
+    const palp_drive_request now = setting_up ? request : PALP_REQUEST_IDLE;
+    const uint32_t n = palp_drive_send(drive, config, now, 0.0f, out);
+    /* those that do not answer frames speak by themselves */
+    return setting_up || again || palp_drive_delay(config->protocol) > 0u ? n : 0u;
+}
+
 uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,
                                  palp_can_frame *out) {
     if (config->protocol != PALP_PROTOCOL_CIA402) return 0;

@@ -20,7 +20,7 @@
 #include "core/device/mit.h"
 #include "core/device/protect.h"
 
-#define PALP_AXES 3u
+#define PALP_AXES 7u /* of one device: three to place, three to turn, one to grip */
 
 typedef enum {
     PALP_PROTOCOL_ODRIVE,
@@ -124,6 +124,11 @@ palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *con
  * how many. commanded_Nm is used with the request TORQUE only and is limited to torque_max_Nm. */
 uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
                          palp_drive_request request, float commanded_Nm, palp_can_frame *out);
+
+/* The same for a drive that has an encoder and no motor: it is never enabled, and one that sends
+ * estimates on its own is seldom told to idle. */
+uint32_t palp_drive_listen(palp_drive *drive, const palp_drive_config *config,
+                           palp_drive_request request, palp_can_frame *out);
 
 /* What goes to all drives after that, once per tick: `tick` paces it. */
 uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,

@@ -1,11 +1,31 @@
 /* SPDX-License-Identifier: MIT */
 #include "kinematics.h"
 
-uint32_t palp_axes(const palp_kinematics *k) { return k->mechanism == PALP_FIVE_BAR ? 2u : 3u; }
+#define SINGULAR_WRIST 0.1f /* |cos q5| below which its moment fades */
+
+uint32_t palp_arm_axes(const palp_kinematics *k) { return k->mechanism == PALP_FIVE_BAR ? 2u : 3u; }
+
+static uint32_t wrist_axes(const palp_kinematics *k) { return k->wrist ? 3u : 0u; }
+
+static bool grips(const palp_kinematics *k) {
+    return k->grip_m_per_rad > 0.0f || k->grip_m_per_rad < 0.0f;
+}
+
+uint32_t palp_axes(const palp_kinematics *k) {
+    return palp_arm_axes(k) + wrist_axes(k) + (grips(k) ? 1u : 0u);
+}
+
+uint32_t palp_wrist_axis(const palp_kinematics *k) {
+    return k->wrist ? palp_arm_axes(k) : palp_axes(k);
+}
+
+uint32_t palp_grip_axis(const palp_kinematics *k) {
+    return grips(k) ? palp_arm_axes(k) + wrist_axes(k) : palp_axes(k);
+}
 
 bool palp_kinematics_is_sound(const palp_kinematics *k) {
     bool positive = k->upper_m > 0.0f && k->fore_m > 0.0f && palp_is_finite(k->upper_m) &&
-                    palp_is_finite(k->fore_m);
+                    palp_is_finite(k->fore_m) && palp_is_finite(k->grip_m_per_rad);
     if (k->mechanism == PALP_ARM3) return positive;
     return positive && k->base_m >= 0.0f && k->fore_m > k->base_m + k->upper_m;
 }
@@ -86,9 +106,9 @@ static bool elbow_circle(const palp_vec3 *p, uint32_t n, palp_vec3 *center, palp
 }
 
 static palp_pose legs_forward(const palp_kinematics *k, const float *s, const float *c) {
-    const uint32_t n = palp_axes(k);
+    const uint32_t n = palp_arm_axes(k);
     palp_pose pose = {.reachable = false};
-    palp_vec3 elbow[PALP_AXES], center, axis, link[PALP_AXES] = {{0}};
+    palp_vec3 elbow[3], center, axis, link[3] = {{0}};
     for (uint32_t i = 0; i < n; i++) {
         palp_vec3 r = leg_direction(k->mechanism, i);
         elbow[i] = palp_scale(k->base_m + k->upper_m * c[i], r);
@@ -100,7 +120,7 @@ static palp_pose legs_forward(const palp_kinematics *k, const float *s, const fl
     if (!(height2 > 0.0f)) return pose;
     palp_vec3 tip = palp_madd(center, palp_sqrt(height2), axis);
     /* links l_i . dP = w_i dq_i, w_i = l_i . d elbow_i / d q_i; J = L^-1 diag(w) */
-    float w[PALP_AXES] = {0};
+    float w[3] = {0};
     for (uint32_t i = 0; i < n; i++) {
         palp_vec3 r = leg_direction(k->mechanism, i);
         link[i] = palp_sub(tip, elbow[i]);
@@ -125,7 +145,7 @@ static palp_pose legs_forward(const palp_kinematics *k, const float *s, const fl
 static bool legs_inverse(const palp_kinematics *k, palp_vec3 tip, float *q) {
     float a = k->upper_m, b = k->fore_m;
     palp_vec3 p = {tip.x, k->mechanism == PALP_FIVE_BAR ? 0.0f : tip.y, tip.z + home_height(k)};
-    for (uint32_t i = 0; i < palp_axes(k); i++) {
+    for (uint32_t i = 0; i < palp_arm_axes(k); i++) {
         palp_vec3 r = leg_direction(k->mechanism, i);
         float x = palp_dot(p, r) - k->base_m;
         float y = p.y * r.x - p.x * r.y;
@@ -138,24 +158,124 @@ static bool legs_inverse(const palp_kinematics *k, palp_vec3 tip, float *q) {
     return true;
 }
 
+/* ---- wrist ---- */
+
+static palp_vec3 column_of(const float r[9], uint32_t k) {
+    const palp_vec3 c = {r[k], r[3u + k], r[6u + k]};
+    return c;
+}
+
+static void set_columns(float r[9], palp_vec3 x, palp_vec3 y, palp_vec3 z) {
+    const palp_vec3 c[3] = {x, y, z};
+    for (uint32_t k = 0; k < 3u; k++) {
+        r[k] = c[k].x;
+        r[3u + k] = c[k].y;
+        r[6u + k] = c[k].z;
+    }
+}
+
+/* The link that carries the wrist, and how the arm's joints turn it. */
+static void link_of(const palp_kinematics *k, const float *s, const float *c, palp_pose *pose) {
+    const palp_vec3 z = {0.0f, 0.0f, 1.0f};
+    for (uint32_t e = 0; e < 9u; e++) pose->r[e] = e % 4u == 0u ? 1.0f : 0.0f;
+    for (uint32_t i = 0; i < PALP_AXES; i++) pose->turn[i] = (palp_vec3){0.0f, 0.0f, 0.0f};
+    pose->wrist_conditioning = 1.0f;
+    if (k->mechanism != PALP_ARM3 || !k->wrist) return;
+    const palp_vec3 out = {c[0], s[0], 0.0f}, aside = {-s[0], c[0], 0.0f};
+    const palp_vec3 x = palp_madd(palp_scale(c[2], out), s[2], z); /* Ry(-q3) of the yawed axes */
+    set_columns(pose->r, x, aside, palp_cross(x, aside));
+    pose->turn[0] = z;
+    pose->turn[2] = palp_scale(-1.0f, aside);
+}
+
+/* Turns two columns of r towards each other: the first goes to the second. */
+static void turn_columns(float r[9], uint32_t from, uint32_t to, float s, float c) {
+    for (uint32_t i = 0; i < 9u; i += 3u) {
+        const float a = r[i + from], b = r[i + to];
+        r[i + from] = c * a + s * b;
+        r[i + to] = c * b - s * a;
+    }
+}
+
+static void add_wrist(const palp_kinematics *k, const float *s, const float *c, palp_pose *pose) {
+    const uint32_t w = palp_wrist_axis(k);
+    pose->turn[w] = column_of(pose->r, 2);
+    turn_columns(pose->r, 0, 1, s[w], c[w]); /* about z: x towards y */
+    pose->turn[w + 1u] = column_of(pose->r, 1);
+    turn_columns(pose->r, 2, 0, s[w + 1u], c[w + 1u]); /* about y: z towards x */
+    pose->turn[w + 2u] = column_of(pose->r, 0);
+    turn_columns(pose->r, 1, 2, s[w + 2u], c[w + 2u]); /* about x: y towards z */
+    pose->wrist_conditioning = palp_abs(c[w + 1u]);
+}
+
 /* ---- public ---- */
 
 palp_pose palp_forward(const palp_kinematics *k, const float q_rad[PALP_AXES]) {
     float s[PALP_AXES] = {0}, c[PALP_AXES] = {0};
     for (uint32_t i = 0; i < palp_axes(k); i++) palp_sincos(q_rad[i], &s[i], &c[i]);
-    return k->mechanism == PALP_ARM3 ? arm_forward(k, s, c) : legs_forward(k, s, c);
+    palp_pose pose = k->mechanism == PALP_ARM3 ? arm_forward(k, s, c) : legs_forward(k, s, c);
+    link_of(k, s, c, &pose);
+    if (k->wrist) add_wrist(k, s, c, &pose);
+    if (grips(k)) pose.opening_m = k->grip_m_per_rad * q_rad[palp_grip_axis(k)];
+    return pose;
 }
 
 bool palp_inverse(const palp_kinematics *k, palp_vec3 tip_m, float q_rad[PALP_AXES]) {
     return k->mechanism == PALP_ARM3 ? arm_inverse(k, tip_m, q_rad) : legs_inverse(k, tip_m, q_rad);
 }
 
-void palp_pose_torques(const palp_pose *pose, palp_vec3 force_N, float torque_Nm[PALP_AXES]) {
-    for (uint32_t i = 0; i < PALP_AXES; i++) torque_Nm[i] = palp_dot(pose->column_m[i], force_N);
+void palp_inverse_wrist(const palp_kinematics *k, const float r[9], float q_rad[PALP_AXES]) {
+    float s[3] = {0}, c[3] = {0};
+    palp_pose link;
+    if (!k->wrist) return;
+    for (uint32_t i = 0; i < palp_arm_axes(k); i++) palp_sincos(q_rad[i], &s[i], &c[i]);
+    link_of(k, s, c, &link);
+    /* R_link^T r = Rz Ry Rx: its first column is (cz cy, sz cy, -sy), its last row (-sy, cy sx, cy cx) */
+    const palp_vec3 x = palp_rotate_back(link.r, column_of(r, 0));
+    const palp_vec3 up = column_of(link.r, 2);
+    const float level = palp_sqrt(x.x * x.x + x.y * x.y);
+    float *q = q_rad + palp_wrist_axis(k);
+    q[0] = level > 1e-6f ? palp_atan2(x.y, x.x) : 0.0f;
+    q[1] = palp_atan2(-x.z, level);
+    if (level > 1e-6f) {
+        q[2] = palp_atan2(palp_dot(up, column_of(r, 1)), palp_dot(up, column_of(r, 2)));
+    } else { /* singular: turned about x alone */
+        const palp_vec3 y = palp_rotate_back(link.r, column_of(r, 1));
+        q[2] = palp_atan2(x.z > 0.0f ? y.x : -y.x, y.y) * (x.z > 0.0f ? 1.0f : -1.0f);
+    }
+}
+
+void palp_pose_torques(const palp_pose *pose, palp_vec3 force_N, palp_vec3 moment_Nm,
+                       float torque_Nm[PALP_AXES]) {
+    for (uint32_t i = 0; i < PALP_AXES; i++)
+        torque_Nm[i] = palp_dot(pose->column_m[i], force_N) + palp_dot(pose->turn[i], moment_Nm);
+}
+
+palp_vec3 palp_pose_transmits(const palp_pose *pose, const palp_kinematics *k, uint32_t motors,
+                              palp_vec3 moment_Nm) {
+    palp_vec3 sum = {0.0f, 0.0f, 0.0f};
+    const uint32_t first = palp_wrist_axis(k);
+    if (!k->wrist || (motors >> first & 7u) == 0u) return sum;
+    const palp_vec3 *w = pose->turn + first;
+    const float volume = palp_dot(w[0], palp_cross(w[1], w[2])); /* +-cos q5 */
+    const float gain = palp_clamp(2.0f * palp_abs(volume) / SINGULAR_WRIST - 1.0f, 0.0f, 1.0f);
+    if (!(gain > 0.0f)) return sum;
+    for (uint32_t i = 0; i < 3u; i++) { /* M . w_i = tau_i: by the reciprocal axes */
+        if ((motors >> (first + i) & 1u) == 0u) continue;
+        const palp_vec3 along = palp_cross(w[(i + 1u) % 3u], w[(i + 2u) % 3u]);
+        sum = palp_madd(sum, gain * palp_dot(w[i], moment_Nm) / volume, along);
+    }
+    return sum;
 }
 
 palp_vec3 palp_pose_velocity(const palp_pose *pose, const float dq_rad_s[PALP_AXES]) {
     palp_vec3 v = {0.0f, 0.0f, 0.0f};
     for (uint32_t i = 0; i < PALP_AXES; i++) v = palp_madd(v, dq_rad_s[i], pose->column_m[i]);
     return v;
+}
+
+palp_vec3 palp_pose_turning(const palp_pose *pose, const float dq_rad_s[PALP_AXES]) {
+    palp_vec3 w = {0.0f, 0.0f, 0.0f};
+    for (uint32_t i = 0; i < PALP_AXES; i++) w = palp_madd(w, dq_rad_s[i], pose->turn[i]);
+    return w;
 }

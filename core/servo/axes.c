@@ -29,11 +29,12 @@ static void set_zero(palp_device_axes *axes, const palp_device *device, uint32_t
 }
 
 void palp_axes_init(palp_device_axes *axes, const palp_device *device) {
-    *axes = (palp_device_axes){.count = palp_axes(&device->kinematics)};
+    *axes = (palp_device_axes){.count = palp_axes(&device->kinematics),
+                               .motors = palp_device_motors(device)};
     for (uint32_t i = 0; i < axes->count; i++) {
         axes->drive[i].node = device->node_id[i];
         axes->limits[i] =
-            (palp_joint_limits){.speed_max_rad_s = palp_device_joint_speed(device),
+            (palp_joint_limits){.speed_max_rad_s = palp_device_joint_speed(device, i),
                                 .step_rad = reading_step(device, i) / palp_abs(device->gear[i])};
         set_zero(axes, device, i, device->joint_zero_rad[i]);
     }
@@ -138,7 +139,7 @@ palp_axes_health palp_axes_check(const palp_device_axes *axes) {
         h.configured = h.configured && d->configured;
         h.misconfigured = h.misconfigured || d->misconfigured;
         h.healthy = h.healthy && d->error == PALP_DRIVE_NO_ERROR;
-        h.enabled = h.enabled && d->enabled;
+        h.enabled = h.enabled && (d->enabled || (axes->motors >> i & 1u) == 0u);
         h.status_age = d->status_age > h.status_age ? d->status_age : h.status_age;
         h.age = age > h.age ? age : h.age;
         h.bad_in_a_row = j->bad_in_a_row > h.bad_in_a_row ? j->bad_in_a_row : h.bad_in_a_row;
@@ -154,7 +155,10 @@ uint32_t palp_axes_send(palp_device_axes *axes, const palp_device *device,
                         uint64_t tick, palp_can_frame *out) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < axes->count; i++) {
-        n += palp_drive_send(&axes->drive[i], &device->drives, request, commanded_Nm[i], out + n);
+        const bool motor = (axes->motors >> i & 1u) != 0u;
+        n += motor ? palp_drive_send(&axes->drive[i], &device->drives, request, commanded_Nm[i],
+                                     out + n)
+                   : palp_drive_listen(&axes->drive[i], &device->drives, request, out + n);
     }
     return n + palp_drives_send_shared(&device->drives, tick, out + n);
 }

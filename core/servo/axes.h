@@ -7,21 +7,13 @@
 #include "core/device/joint.h"
 #include "core/servo/counters.h"
 
-/* How many bits are set, added up in pairs, fours, eights and all. */
-static inline uint32_t palp_bits(uint32_t x) {
-    x -= (x >> 1u) & 0x55555555u;
-    x = (x & 0x33333333u) + ((x >> 2u) & 0x33333333u);
-    x = (x + (x >> 4u)) & 0x0f0f0f0fu;
-    return (x * 0x01010101u) >> 24u;
-}
-
 typedef struct {
     palp_drive drive[PALP_AXES];
     palp_joint joint[PALP_AXES];
     palp_joint_limits limits[PALP_AXES];
     float contact_torque_Nm[PALP_AXES]; /* motor torques of the contact alone, of the last tick */
     float zero_rad[PALP_AXES];          /* angle of a joint where its drive reads 0 */
-    uint32_t count;
+    uint32_t count, motors; /* joints; bit i: joint i has a motor */
     bool homed; /* it is known; else joints count from 0, and no reading is out of limits */
     bool fine;  /* encoders see a hand's tremor, so that one that stands still is broken */
 } palp_device_axes;
@@ -30,7 +22,7 @@ typedef struct {
 typedef struct {
     bool heard, configured, misconfigured, homed;
     bool healthy;        /* no drive reports an error */
-    bool enabled;        /* all act on torque */
+    bool enabled;        /* all that have motors act on torque */
     uint32_t status_age; /* ticks, of the drive that was silent longest */
     uint32_t age;        /* ticks, of the oldest joint angle */
     uint32_t bad_in_a_row, bad_of_32, frozen;

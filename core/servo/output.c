@@ -11,23 +11,42 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
 
 static bool request_is_finite(const palp_output_request *d) {
     bool good = palp_vec3_is_finite(d->force_N) && palp_is_finite(palp_norm(d->force_N)) &&
-                palp_is_finite(d->stored_J);
+                palp_is_finite(d->stored_J) && palp_vec3_is_finite(d->moment_Nm) &&
+                palp_is_finite(palp_norm(d->moment_Nm)) && palp_is_finite(d->grip_N);
     for (uint32_t i = 0; i < PALP_AXES; i++)
         good = good && palp_is_finite(d->dq_rad_s[i]) && palp_is_finite(d->feedforward_Nm[i]);
     return good;
 }
 
-/* What a change of the tip's force within the slew limit may change the torques of the motors by.
- */
+/* The largest moment of a device; 0 where no motors turn the tool. */
+static float most_moment_Nm(const palp_device *device) {
+    return palp_device_turns(device) ? device->moment_max_Nm : 0.0f;
+}
+
+/* What force and moment, each within its slew limit, may change the torques of the motors by. A
+ * moment rises in the time that the force takes. */
 static void torque_slew(const palp_device *device, const palp_pose *pose, float dt_s,
                         float slew_Nm[PALP_AXES]) {
     const float step = device->slew_max_N_per_s * dt_s;
-    float x[PALP_AXES], y[PALP_AXES], z[PALP_AXES];
-    palp_pose_torques(pose, (palp_vec3){.x = step}, x);
-    palp_pose_torques(pose, (palp_vec3){.y = step}, y);
-    palp_pose_torques(pose, (palp_vec3){.z = step}, z);
-    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
-        slew_Nm[i] = palp_norm((palp_vec3){x[i], y[i], z[i]}) / palp_abs(device->gear[i]);
+    const float step_Nm = step * most_moment_Nm(device) / device->force_max_N;
+    const uint32_t grip = palp_grip_axis(&device->kinematics);
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
+        float joint =
+            step * palp_norm(pose->column_m[i]) + step_Nm * palp_norm(pose->turn[i]);
+        if (i == grip) joint = step * palp_abs(device->kinematics.grip_m_per_rad);
+        slew_Nm[i] = joint / palp_abs(device->gear[i]);
+    }
+}
+
+/* Joint torques of the contact, on motors alone. */
+static void contact_torques(const palp_device *device, const palp_pose *pose, const palp_wrench *w,
+                            float grip_N, float torque_Nm[PALP_AXES]) {
+    const uint32_t motors = palp_device_motors(device), grip = palp_grip_axis(&device->kinematics);
+    palp_pose_torques(pose, w->force_N, w->moment_Nm, torque_Nm);
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
+        if (i == grip) torque_Nm[i] = grip_N * device->kinematics.grip_m_per_rad;
+        if ((motors >> i & 1u) == 0u) torque_Nm[i] = 0.0f;
+    }
 }
 
 /* At one motor (Nm): feed-forward that is wanted, and the share of it that is sent; what contact and
@@ -57,24 +76,28 @@ static float feed_forward(palp_output *output, uint32_t i, const motor_request *
  * stays; returns its share.
  */
 static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
-                           palp_vec3 force, const palp_output_request *request, float dt_s,
-                           palp_output_result *r) {
+                           const palp_wrench *w, float grip_N, const palp_output_request *request,
+                           float dt_s, palp_output_result *r) {
     float contact[PALP_AXES], gravity[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
         slew[PALP_AXES] = {0.0f};
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
-    palp_pose_torques(pose, force, contact);
+    const uint32_t motors = palp_device_motors(device);
+    contact_torques(device, pose, w, grip_N, contact);
     palp_device_compensate(device, pose, request->dq_rad_s, gravity, friction);
     torque_slew(device, pose, dt_s, slew);
     for (uint32_t i = 0; i < axes; i++) {
         contact[i] /= device->gear[i];
         extra[i] = request->gravity_share * gravity[i] + request->friction_share * friction[i];
+        if ((motors >> i & 1u) == 0u) extra[i] = 0.0f;
         extra[i] = palp_clamp(extra[i] / device->gear[i], -limit, limit);
         float room = contact[i] > 0.0f ? limit - extra[i] : limit + extra[i];
         if (palp_abs(contact[i]) > room) share = palp_min(share, room / palp_abs(contact[i]));
     }
     for (uint32_t i = 0; i < axes; i++) {
-        const motor_request m = {.wanted = palp_clamp(request->feedforward_Nm[i], -limit, limit),
+        const bool motor = (motors >> i & 1u) != 0u;
+        const float feedforward = motor ? request->feedforward_Nm[i] : 0.0f;
+        const motor_request m = {.wanted = palp_clamp(feedforward, -limit, limit),
                                  .share = request->gravity_share,
                                  .contact = share * contact[i],
                                  .compensation = extra[i],
@@ -92,23 +115,34 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
                                      const palp_output_request *request, float dt_s) {
     palp_output_result r = {.bad = !request_is_finite(request)};
     if (!r.bad) {
-        palp_vec3 force = shorten(request->force_N, device->force_max_N, &r.limited);
+        const float most_Nm = most_moment_Nm(device), step_N = device->slew_max_N_per_s * dt_s;
+        palp_wrench w = {shorten(request->force_N, device->force_max_N, &r.limited),
+                         palp_pose_transmits(pose, &device->kinematics, palp_device_motors(device),
+                                             request->moment_Nm)};
+        float grip_N =
+            palp_clamp(request->grip_N, -device->force_max_N, device->force_max_N);
+        if (most_Nm > 0.0f) w.moment_Nm = shorten(w.moment_Nm, most_Nm, &r.limited);
         if (passive != NULL) {
             const float share =
-                palp_passivity_share(&output->passivity, passive, force, request->stored_J,
+                palp_passivity_share(&output->passivity, passive, &w, request->stored_J,
                                      request->damped_W, request->steady);
             r.braked = share < 1.0f;
-            force = palp_scale(share, force);
+            w.force_N = palp_scale(share, w.force_N);
+            w.moment_Nm = palp_scale(share, w.moment_Nm);
+            grip_N *= share;
         }
-        palp_vec3 change =
-            shorten(palp_sub(force, output->last_N), device->slew_max_N_per_s * dt_s, &r.slewed);
-        force = palp_add(output->last_N, change);
-        float share = motor_torques(output, device, pose, force, request, dt_s, &r);
+        palp_vec3 change = shorten(palp_sub(w.force_N, output->last_N), step_N, &r.slewed);
+        w.force_N = palp_add(output->last_N, change);
+        change = shorten(palp_sub(w.moment_Nm, output->last_Nm),
+                         step_N * most_Nm / device->force_max_N, &r.slewed);
+        w.moment_Nm = palp_add(output->last_Nm, change);
+        float share = motor_torques(output, device, pose, &w, grip_N, request, dt_s, &r);
         if (share < 1.0f) r.limited = true;
-        r.force_N = palp_scale(share, force);
+        r.force_N = palp_scale(share, w.force_N);
+        r.moment_Nm = palp_scale(share, w.moment_Nm);
         for (uint32_t i = 0; i < PALP_AXES; i++)
             r.bad = r.bad || !palp_is_finite(r.motor_torque_Nm[i]);
-        r.bad = r.bad || !palp_vec3_is_finite(r.force_N);
+        r.bad = r.bad || !palp_vec3_is_finite(r.force_N) || !palp_vec3_is_finite(r.moment_Nm);
     }
     if (r.bad) {
         r = (palp_output_result){.bad = true};
@@ -116,6 +150,7 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
             output->contact_torque_Nm[i] = output->feedforward_Nm[i] = 0.0f;
     }
     output->last_N = r.force_N;
+    output->last_Nm = r.moment_Nm;
     float joint_Nm[PALP_AXES] = {0.0f};
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
         joint_Nm[i] = r.contact_torque_Nm[i] * device->gear[i];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The output chain: finite -> norm limit -> energy limit (passivity.h) -> slew limit -> joint
+ * The output chain: finite -> what a wrist's motors can make -> norm limit -> energy limit (passivity.h) -> slew limit -> joint
  * torques, with the mechanism's compensation -> per-axis limit -> finite. Whatever comes in, what
  * goes out is finite and within the device's limits. Feed-forward takes what the
  * contact leaves of the slew limit, so that their sum keeps to it.
@@ -12,13 +12,14 @@
 #include "core/servo/passivity.h"
 
 typedef struct {
-    palp_vec3 last_N;                                              /* force of the previous tick */
+    palp_vec3 last_N, last_Nm;                                     /* of the previous tick */
     float contact_torque_Nm[PALP_AXES], feedforward_Nm[PALP_AXES]; /* its motor torques */
     palp_passivity passivity;
 } palp_output;
 
 typedef struct {
-    palp_vec3 force_N;               /* wanted at the tip */
+    palp_vec3 force_N, moment_Nm;    /* wanted at the tip */
+    float grip_N;                    /* that opens the jaws */
     float stored_J;                  /* in what makes it */
     float damped_W;                  /* taken up by its damper */
     bool steady;                     /* see palp_passivity_share */
@@ -29,7 +30,7 @@ typedef struct {
 } palp_output_request;
 
 typedef struct {
-    palp_vec3 force_N; /* at the tip, after all limits, without compensation */
+    palp_vec3 force_N, moment_Nm; /* at the tip, after all limits, without compensation */
     float motor_torque_Nm[PALP_AXES];
     float contact_torque_Nm[PALP_AXES]; /* of these, for the contact alone */
     bool limited, slewed, braked;

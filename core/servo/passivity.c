@@ -87,8 +87,8 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *c,
     p->idle += motion->periods;
     p->doubt_J = 0.0f;
     for (uint32_t i = 0; i < c->axes; i++) p->doubt_J += palp_abs(p->acting_Nm[i]) * c->step_rad[i];
-    p->absorbed_J -= sum;
-    p->energy_J -= sum;
+    p->absorbed_J += motion->unfelt_J - sum;
+    p->energy_J += motion->unfelt_J - sum;
     p->begun = true;
     p->counted = all && p->unseen == 1u;
     if (!all) return;
@@ -101,6 +101,8 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *c,
     p->unseen = 0;
     p->before_m_s = p->velocity_m_s;
     p->velocity_m_s = v;
+    p->turn_before_rad_s = p->turn_rad_s;
+    p->turn_rad_s = motion->certain_turn_rad_s;
 }
 
 /* A velocity after so many periods of the same change. */
@@ -124,11 +126,13 @@ static float deficit_soon_J(const palp_passivity *p, const palp_passivity_config
 }
 
 /* Gamma for a force, from what it will have done by the time it has acted. */
-static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
-                       float size) {
+static float gamma_for(const palp_passivity *p, const palp_passivity_config *c,
+                       const palp_wrench *w, float size) {
     if (!(size > 0.0f)) return 1.0f;
-    const float along = foreseen(palp_dot(force_N, p->velocity_m_s) / size,
-                                 palp_dot(force_N, p->before_m_s) / size, c->delay + 1u);
+    const float now = palp_dot(w->force_N, p->velocity_m_s) + palp_dot(w->moment_Nm, p->turn_rad_s);
+    const float before =
+        palp_dot(w->force_N, p->before_m_s) + palp_dot(w->moment_Nm, p->turn_before_rad_s);
+    const float along = foreseen(now / size, before / size, c->delay + 1u);
     const float gives = size * along * c->dt_s;
     if (!(gives > 0.0f)) return 1.0f;
     const float begins = BEGINS * c->deficit_max_J, ends = ENDS * c->deficit_max_J;
@@ -138,9 +142,9 @@ static float gamma_for(const palp_passivity *p, const palp_passivity_config *c, 
     return palp_min(soft, palp_clamp((ends - soon) / gives, 0.0f, 1.0f));
 }
 
-float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, palp_vec3 force_N,
+float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, const palp_wrench *w,
                            float stored_J, float damped_W, bool steady) {
-    const float size = palp_norm(force_N);
+    const float size = palp_norm(w->force_N); /* a moment comes with a force */
     p->energy_J = palp_min(p->energy_J, stored_J);
     p->counted = p->counted && steady;
     p->damped_J = damped_W * c->dt_s;
@@ -151,7 +155,7 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, pa
         p->sigma = 1.0f;
     }
     p->given_J = palp_max(-p->energy_J - p->doubt_J, p->given_J);
-    const float wanted = gamma_for(p, c, force_N, size);
+    const float wanted = gamma_for(p, c, w, size);
     if (wanted < p->gamma) p->sigma *= 1.0f - CUT * (p->gamma - wanted);
     p->gamma = palp_min(wanted, p->gamma + c->dt_s / RISE_S);
     p->damped_J *= p->gamma * p->sigma;

@@ -10,7 +10,10 @@
  *     E += sum_i -mean(tau_i) dq_i + s b |v|^2 t       mean over those n_i periods
  *     E <= what the body and the coupling have stored
  *
- * so lost readings and skipped periods leave nothing out and count nothing twice. b is the
+ * A wrist with encoders alone turns the tool against a moment that nobody feels; what that stores
+ * counts as if the hand had felt it, so that it may come back as a force.
+ *
+ * So lost readings and skipped periods leave nothing out and count nothing twice. b is the
  * mechanism's own damping, which swallows part of what sampling leaks; v only what the encoder's
  * step leaves certain of the tip's velocity; the share s = 1/2 is what can be relied on. Capping E
  * at the stored energy keeps what was once dissipated from being spent on an oscillation later. A
@@ -59,7 +62,8 @@ typedef struct {
     uint32_t periods; /* since the last tick, at least 1 */
     float q_rad[PALP_AXES], certain_rad_s[PALP_AXES];
     bool fresh[PALP_AXES];
-    palp_vec3 certain_m_s; /* of the tip */
+    palp_vec3 certain_m_s, certain_turn_rad_s; /* of the tip, and of the tool's turn */
+    float unfelt_J; /* that the hand has put in by turns that no motor resists */
 } palp_passivity_motion;
 
 typedef struct {
@@ -80,6 +84,7 @@ typedef struct {
     float before_rad_s[PALP_AXES];                    /* and of the one before */
     uint32_t since[PALP_AXES], unseen;                /* periods; unseen: of some joint */
     palp_vec3 velocity_m_s, before_m_s;               /* certain, of the tip; a tick before */
+    palp_vec3 turn_rad_s, turn_before_rad_s;          /* of the tool's turn */
     uint32_t idle;                                    /* periods without contact */
     bool begun;
 } palp_passivity;
@@ -92,10 +97,10 @@ palp_passivity_config palp_passivity_configure(uint32_t axes, float damping_Ns_p
 void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *config,
                             const palp_passivity_motion *motion);
 
-/* The share of `force_N` at the tip that may be sent, with `stored_J` in the body and the coupling
- * and `damped_W` taken up by its damper. `steady`: the force answers the readings of this tick. */
+/* The share of force and moment at the tip that may be sent, with `stored_J` in the body and the
+ * coupling and `damped_W` taken up by its damper. `steady`: they answer the readings of this tick. */
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
-                           palp_vec3 force_N, float stored_J, float damped_W, bool steady);
+                           const palp_wrench *wrench, float stored_J, float damped_W, bool steady);
 
 /* Whether the deficit is beyond what is allowed. */
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);

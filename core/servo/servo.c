@@ -22,6 +22,10 @@ struct palp_servo {
     bool seen;                      /* all joints are where they were read in this tick */
     float certain_rad_s[PALP_AXES]; /* of the joints: 0 for one that is not seen any more */
     palp_vec3 certain_m_s;          /* of the tip */
+    palp_vec3 certain_turn_rad_s;   /* of the tool's turn */
+    palp_vec3 unfelt_Nm;            /* moment of the last tick that no motor made */
+    float r[9];                     /* of the tool, in the last tick */
+    bool turned;                    /* that is known */
 };
 
 PALP_STATIC_ASSERT(sizeof(palp_servo) <= PALP_SERVO_OBJECT, "PALP_SERVO_BYTES");
@@ -66,6 +70,9 @@ static void set_coupling(palp_coupling_tool *spring, const palp_servo_config *c)
     float b = chosen ? c->coupling_Ns_per_m : c->device.damping_max_Ns_per_m;
     spring->stiffness_N_per_m = k / (scale * scale);
     spring->damping_Ns_per_m = b / (scale * scale);
+    if (!palp_device_turns(&c->device)) return;
+    spring->stiffness_Nm_per_rad = c->device.stiffness_max_Nm_per_rad;
+    spring->damping_Nms_per_rad = c->device.damping_max_Nms_per_rad;
 }
 
 float palp_servo_cost_before(const palp_prices *price) {
@@ -169,27 +176,41 @@ static void take_in(palp_servo *s, const palp_tick_input *in) {
     if (s->safety.state == PALP_STATE_RUN && before != PALP_STATE_RUN) {
         palp_answer_reset(&s->answer);
         s->output = (palp_output){.last_N = {0.0f, 0.0f, 0.0f}};
+        s->unfelt_Nm = (palp_vec3){0.0f, 0.0f, 0.0f};
+        s->turned = false;
     }
 }
 
 /* ---- force ---- */
 
-static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r, float *damped_W) {
+/* Where a pose of the device is in the model. */
+static palp_frame placed(const palp_placement *p, const palp_pose *pose) {
+    palp_frame turned = {.t = {0.0f, 0.0f, 0.0f}}, of_tool = turned;
+    for (uint32_t e = 0; e < 9u; e++) {
+        turned.r[e] = p->rotation[e];
+        of_tool.r[e] = pose->r[e];
+    }
+    palp_frame f = palp_frame_compose(&turned, &of_tool);
+    f.t = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, pose->tip_m));
+    return f;
+}
+
+/* What the hand is to feel of the body, at the tip. */
+static palp_wrench feel(palp_servo *s, const palp_pose *pose, palp_report *r, float *damped_W) {
     const palp_placement *p = &s->config.placement;
-    palp_frame device = {
-        .t = palp_madd(p->origin_m, p->scale, palp_rotate(p->rotation, tip))};
-    for (uint32_t e = 0; e < 9u; e++) device.r[e] = p->rotation[e];
+    const palp_frame device = placed(p, pose);
     palp_coupling_tool *spring = &s->answer.coupling.tool[0];
     palp_coupling_result result;
     palp_answer_report a;
     spring->velocity_m_s = palp_scale(p->scale, palp_rotate(p->rotation, s->certain_m_s));
+    spring->velocity_rad_s = palp_rotate(p->rotation, s->certain_turn_rad_s);
     spring->measured = true;
     palp_answer_tick(&s->answer, s->start_ns, &device, &result, &a);
     s->counters.coarsened = s->answer.coarsened;
     s->counters.refined = s->answer.refined;
     s->counters.held = s->answer.held;
     *damped_W = result.damped_W;
-    r->tool_m = result.tool.t;
+    r->tool = result.tool;
     r->stored_J = result.energy_J;
     r->unforeseen_m = result.moved_m;
     r->slipping = s->answer.coupling.tool[0].friction.slipping;
@@ -201,7 +222,8 @@ static palp_vec3 feel(palp_servo *s, palp_vec3 tip, palp_report *r, float *dampe
     r->doubt_N = p->scale * a.doubt_N;
     r->held = a.held;
     r->shortened = a.shortened;
-    return palp_scale(p->scale, palp_rotate_back(p->rotation, result.force_N));
+    return (palp_wrench){palp_scale(p->scale, palp_rotate_back(p->rotation, result.force_N)),
+                         palp_rotate_back(p->rotation, result.moment_Nm)};
 }
 
 /* Fades near singular poses and beyond the workspace. */
@@ -215,16 +237,21 @@ static float reach_gain(palp_servo *s, const palp_pose *pose) {
 }
 
 /* The force of RUN, or of DAMPING: what is left of the contact, and a brake. */
-static palp_vec3 wanted_force(palp_servo *s, const palp_pose *pose, palp_report *r,
-                              float *damped_W) {
+static palp_wrench wanted_force(palp_servo *s, const palp_pose *pose, palp_report *r,
+                                float *damped_W) {
     float gain = palp_safety_gain(&s->safety) * reach_gain(s, pose);
-    palp_vec3 force = {0.0f, 0.0f, 0.0f};
+    palp_wrench w = {.force_N = {0.0f, 0.0f, 0.0f}};
     if (gain > 0.0f || s->safety.state == PALP_STATE_RUN) {
-        force = palp_scale(gain, feel(s, pose->tip_m, r, damped_W));
+        w = feel(s, pose, r, damped_W);
+        r->contact_moment_Nm = w.moment_Nm;
+        w = (palp_wrench){palp_scale(gain, w.force_N), palp_scale(gain, w.moment_Nm)};
         r->stored_J *= gain;
     }
-    if (s->safety.state == PALP_STATE_RUN) return force;
-    return palp_madd(force, -s->config.device.damping_max_Ns_per_m, s->certain_m_s);
+    if (s->safety.state == PALP_STATE_RUN) return w;
+    w.force_N = palp_madd(w.force_N, -s->config.device.damping_max_Ns_per_m, s->certain_m_s);
+    w.moment_Nm =
+        palp_madd(w.moment_Nm, -s->config.device.damping_max_Nms_per_rad, s->certain_turn_rad_s);
+    return w;
 }
 
 /* Where the joints are taken to be, and how fast. */
@@ -243,12 +270,25 @@ static palp_pose read_pose(palp_servo *s, palp_report *r) {
     r->tip_m = pose.tip_m;
     r->tip_velocity_m_s = palp_pose_velocity(&pose, r->joint_rad_s);
     s->certain_m_s = palp_pose_velocity(&pose, s->certain_rad_s);
+    s->certain_turn_rad_s = palp_pose_turning(&pose, s->certain_rad_s);
     return pose;
 }
 
+/* What the hand has put in by turning the tool against what it does not feel. */
+static float unfelt_J(palp_servo *s, const palp_pose *pose) {
+    const float work =
+        s->turned ? -palp_dot(s->unfelt_Nm, palp_turn_between(s->r, pose->r)) : 0.0f;
+    for (uint32_t e = 0; e < 9u; e++) s->r[e] = pose->r[e];
+    s->turned = true;
+    return work;
+}
+
 /* Tells the passivity observer what the encoders say. */
-static void observe(palp_servo *s) {
-    palp_passivity_motion m = {.periods = s->periods, .certain_m_s = s->certain_m_s};
+static void observe(palp_servo *s, const palp_pose *pose) {
+    palp_passivity_motion m = {.periods = s->periods,
+                               .certain_m_s = s->certain_m_s,
+                               .certain_turn_rad_s = s->certain_turn_rad_s,
+                               .unfelt_J = unfelt_J(s, pose)};
     for (uint32_t i = 0; i < s->axes.count; i++) {
         m.q_rad[i] = s->axes.joint[i].q_rad;
         m.certain_rad_s[i] = s->certain_rad_s[i];
@@ -264,14 +304,15 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
         palp_safety_latch(&s->safety, PALP_FAULT_INPUT);
         return;
     }
-    observe(s);
+    observe(s, &pose);
     /* Gravity compensation fades with the force. Friction is compensated only while the velocity is
      * known, and never against the brake of DAMPING. */
     bool fresh = s->health.age == 0u && s->safety.state == PALP_STATE_RUN;
     float gain = palp_safety_gain(&s->safety);
     float damped_W = 0.0f;
-    palp_vec3 force = wanted_force(s, &pose, r, &damped_W);
-    palp_output_request request = {.force_N = force,
+    const palp_wrench wanted = wanted_force(s, &pose, r, &damped_W);
+    palp_output_request request = {.force_N = wanted.force_N,
+                                   .moment_Nm = wanted.moment_Nm,
                                    .stored_J = r->stored_J,
                                    .damped_W = damped_W,
                                    .steady = gain >= 1.0f && s->seen,
@@ -290,6 +331,8 @@ static void run(palp_servo *s, const palp_tick_input *in, palp_report *r) {
     if (r->shortened) s->counters.shortened++;
     r->braked = out.braked;
     r->force_N = out.force_N;
+    r->moment_Nm = out.moment_Nm;
+    s->unfelt_Nm = palp_sub(r->contact_moment_Nm, out.moment_Nm);
     r->absorbed_J = s->output.passivity.absorbed_J;
     r->given_J = s->output.passivity.given_J;
     if (!s->config.unguarded && palp_passivity_exceeded(&s->output.passivity, &s->passive))

@@ -60,8 +60,10 @@ typedef struct {
         elapsed_ns; /* of the whole tick: all that the limit level allows; by the clock */
     float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES];
     palp_vec3 tip_m, tip_velocity_m_s; /* device */
-    palp_vec3 tool_m;                  /* model */
-    palp_vec3 force_N;                 /* at the tip, as sent */
+    palp_frame tool;                   /* model */
+    palp_vec3 force_N, moment_Nm;      /* at the tip, as sent; what motors make of the moment */
+    palp_vec3 contact_moment_Nm;       /* of the contact about the tip, device; most of which a wrist
+                                          without motors lets nobody feel */
     float motor_torque_Nm[PALP_AXES];
     float stored_J;     /* contact and coupling, in device units */
     float absorbed_J;   /* net energy that the hand has put in since RUN */
@@ -87,7 +89,7 @@ typedef struct palp_servo palp_servo;
 
 /* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
  * regular part or `finest` is no level. */
-#define PALP_SERVO_OBJECT 18432u
+#define PALP_SERVO_OBJECT 24576u
 #define PALP_SERVO_BYTES(finest) (PALP_SERVO_OBJECT + PALP_CONTACT_BYTES(1u, finest))
 size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 

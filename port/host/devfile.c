@@ -13,25 +13,58 @@
 extern const char *const builtin_devices[][2];
 
 static const option keys[] = {
-    {"--like", 1},         {"--kinematics", 1}, {"--upper", 1},
-    {"--fore", 1},         {"--base", 1},       {"--gear", -3},
-    {"--counts", 1},       {"--protocol", 1},   {"--fd", 1},
-    {"--node", -3},        {"--bitrate", 1},    {"--data-bitrate", 1},
-    {"--rated-torque", 1}, {"--mit-range", 3},  {"--mit-answer", 1},
-    {"--master-id", 1},    {"--watchdog", 1},   {"--torque-lag", 1},
-    {"--joint-zero", -3},  {"--homing", 1},     {"--joint-home", -3},
-    {"--joint-min", -3},   {"--joint-max", -3}, {"--torque-max", 1},
-    {"--force-max", 1},    {"--slew-max", 1},   {"--speed-max", 1},
-    {"--workspace", 1},    {"--tool", 1},       {"--stiffness-max", 1},
-    {"--damping-max", 1},  {"--mass", 1},       {"--damping", 1},
-    {"--friction", 1},     {"--weight", 1},     {"--lift", 3},
-    {"--coulomb", -3},     {"--viscous", -3},   {NULL, 0},
+    {"--like", 1},
+    {"--kinematics", 1},
+    {"--upper", 1},
+    {"--fore", 1},
+    {"--base", 1},
+    {"--gear", -7},
+    {"--wrist", 1},
+    {"--grip", 1},
+    {"--motors", -7},
+    {"--moment-max", 1},
+    {"--turn-stiffness-max", 1},
+    {"--turn-damping-max", 1},
+    {"--counts", 1},
+    {"--protocol", 1},
+    {"--fd", 1},
+    {"--node", -7},
+    {"--bitrate", 1},
+    {"--data-bitrate", 1},
+    {"--rated-torque", 1},
+    {"--mit-range", 3},
+    {"--mit-answer", 1},
+    {"--master-id", 1},
+    {"--watchdog", 1},
+    {"--torque-lag", 1},
+    {"--joint-zero", -7},
+    {"--homing", 1},
+    {"--joint-home", -7},
+    {"--joint-min", -7},
+    {"--joint-max", -7},
+    {"--torque-max", 1},
+    {"--force-max", 1},
+    {"--slew-max", 1},
+    {"--speed-max", 1},
+    {"--workspace", 1},
+    {"--tool", 1},
+    {"--stiffness-max", 1},
+    {"--damping-max", 1},
+    {"--mass", 1},
+    {"--damping", 1},
+    {"--friction", 1},
+    {"--weight", 1},
+    {"--lift", 3},
+    {"--coulomb", -7},
+    {"--viscous", -7},
+    {NULL, 0},
 };
 #define MAX_LIKES 8
 #define KEYS (sizeof keys / sizeof keys[0] - 1)
 
 static const char *const mechanisms[] = {PALP_MECHANISM_NAMES, NULL};
 static const char *const mit_forms[] = {PALP_MIT_FORM_NAMES, NULL};
+static const char *const wrists[] = {"none", "gimbal", NULL};
 static const char *const homings[] = {"none", "pose", NULL};
 static const char *const protocols[] = {PALP_PROTOCOL_NAMES, NULL};
 
@@ -67,6 +100,9 @@ static bool set_scalar(reading *r, const argument *a) {
                     {"--tool", &p->tool_radius_m, 1e-4, 0.5, "m"},
                     {"--stiffness-max", &p->stiffness_max_N_per_m, 1, 1e6, "N/m"},
                     {"--damping-max", &p->damping_max_Ns_per_m, 0, 1e3, "Ns/m"},
+                    {"--moment-max", &p->moment_max_Nm, 1e-4, 100, "Nm"},
+                    {"--turn-stiffness-max", &p->stiffness_max_Nm_per_rad, 1e-4, 1e4, "Nm/rad"},
+                    {"--turn-damping-max", &p->damping_max_Nms_per_rad, 0, 100, "Nms/rad"},
                     {"--damping", &p->damping_Ns_per_m, 0, 1e3, "Ns/m"},
                     {"--mass", &p->mass_kg, 1e-3, 50, "kg"}};
     for (size_t i = 0; i < sizeof positive / sizeof positive[0]; i++) {
@@ -134,6 +170,14 @@ static void set_key(void *context, const argument *a) {
         p->kinematics.mechanism = (palp_mechanism)arg_word(a, mechanisms);
     } else if (strcmp(o, "--protocol") == 0) {
         p->drives.protocol = (palp_protocol)arg_word(a, protocols);
+    } else if (strcmp(o, "--wrist") == 0) {
+        p->kinematics.wrist = arg_word(a, wrists) == 1;
+    } else if (strcmp(o, "--grip") == 0) {
+        p->kinematics.grip_m_per_rad = (float)arg_between(a, -1, 1);
+    } else if (strcmp(o, "--motors") == 0) {
+        p->passive = 0;
+        for (int i = 0; i < a->count; i++)
+            p->passive |= (arg_u32(a, i, 0, 1) == 0 ? 1u : 0u) << (uint32_t)i;
     } else if (strcmp(o, "--homing") == 0) {
         p->homes = arg_word(a, homings) == 1;
     } else if (strcmp(o, "--fd") == 0) {
@@ -188,6 +232,17 @@ static void check(const reading *r, const char *name) {
             "%s: 'homing pose' finds what 'joint-zero' says: name one of them; with homing the "
             "pose is 'joint-home'",
             name);
+    if (palp_device_turns(p)) {
+        need(r, name, "moment-max", ": motors turn the wrist");
+        need(r, name, "turn-stiffness-max", ": motors turn the wrist");
+        need(r, name, "turn-damping-max", ": motors turn the wrist");
+    }
+    for (uint32_t i = 0; i < palp_arm_axes(&p->kinematics); i++) {
+        if ((p->passive >> i & 1u) != 0)
+            die(EXIT_USAGE,
+                "%s: 'motors' says that axis %u has none, but only wrist and grip can do without",
+                name, i + 1);
+    }
     if (p->drives.fd) need(r, name, "data-bitrate", ": the second rate of CAN FD");
     for (size_t i = 0; i < KEYS; i++) {
         int axes = (int)palp_axes(&p->kinematics);
@@ -235,8 +290,8 @@ static void doubt(const palp_device *p, const char *name) {
     const palp_vec3 along[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     for (int k = 0; k < 3 && pose.reachable; k++) {
         float torque[PALP_AXES] = {0}, force = HUGE_VALF;
-        palp_pose_torques(&pose, along[k], torque);
-        for (uint32_t i = 0; i < palp_axes(&p->kinematics); i++) {
+        palp_pose_torques(&pose, along[k], (palp_vec3){0}, torque);
+        for (uint32_t i = 0; i < palp_arm_axes(&p->kinematics); i++) {
             if (fabsf(torque[i]) > 1e-6f)
                 force = fminf(force, p->drives.torque_max_Nm * fabsf(p->gear[i] / torque[i]));
         }

@@ -97,20 +97,40 @@ static void rotation_to(palp_vec3 n, float r[9]) {
     for (int i = 0; i < 9; i++) r[i] = columns[i];
 }
 
-touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node) {
+uint32_t nearest_free_node(const palp_blob *blob, const double place_m[3]) {
+    const palp_vec3 place = {(float)place_m[0], (float)place_m[1], (float)place_m[2]};
+    uint32_t nearest = UINT32_MAX;
+    float least = HUGE_VALF;
+    for (uint32_t i = 0; i < blob->meta->nodes; i++) {
+        const float away = palp_norm(palp_sub(rest(blob, i), place));
+        if (palp_node_is_fixed(blob, i) || away >= least) continue;
+        least = away;
+        nearest = i;
+    }
+    return nearest;
+}
+
+touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node,
+                       const palp_tool *tool, double radius_m) {
     const palp_meta *m = blob->meta;
     palp_vec3 diagonal = palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m));
     float workspace = 2 * device->workspace_radius_m;
     float size = palp_norm(diagonal);
     float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
-    float radius = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
+    const float usual = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
+    float radius = usual;
+    if (radius_m > 0) radius = (float)radius_m;
+    if (tool != NULL) radius = palp_tool_size(tool);
     float *stiffness = node_stiffness(blob);
-    if (node == UINT32_MAX) node = choose_node(blob, 2 * radius, stiffness);
+    if (node == UINT32_MAX) node = choose_node(blob, 2 * fmaxf(radius, usual), stiffness);
     free(stiffness);
     touch_frame t = {.tool_radius_m = radius, .node = node};
     palp_vec3 n = normal(blob, node);
     t.placement.scale = scale;
-    t.placement.origin_m = palp_madd(rest(blob, node), radius, n);
+    /* its lowest place touches, seen along the device's z */
+    const palp_vec3 down = {0, 0, -1};
+    const float reach = tool != NULL ? palp_tool_support(tool, down) : radius;
+    t.placement.origin_m = palp_madd(rest(blob, node), reach, n);
     rotation_to(n, t.placement.rotation);
     return t;
 }

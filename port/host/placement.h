@@ -7,15 +7,22 @@
 
 typedef struct {
     palp_placement placement;
-    float tool_radius_m; /* in the model: the device's, but at least half an edge of the mesh */
-    uint32_t node;       /* the node that lies under the workspace centre */
+    float
+        tool_radius_m; /* in the model: what was asked for, or the device's, but at least half an edge
+                            of the mesh; of another tool its size */
+    uint32_t node;     /* the node that lies under the workspace centre */
 } touch_frame;
+
+/* The free node nearest to a place of the body. */
+uint32_t nearest_free_node(const palp_blob *blob, const double place_m[3]);
 
 /*
  * Puts the surface at `node` (UINT32_MAX: the highest flat place away from the fixed nodes) just
  * below the tool at the workspace centre, its normal along +z. Bodies between a third of and twice
- * the workspace in size keep their size; others are scaled to it.
+ * the workspace in size keep their size; others are scaled to it. The tool is a ball of radius_m (0:
+ * see touch_frame), or `tool`, as it is when the device is at home, in the size that it has.
  */
-touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node);
+touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node,
+                       const palp_tool *tool, double radius_m);
 
 #endif

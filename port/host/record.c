@@ -43,7 +43,8 @@ uint64_t record_digest(uint64_t digest, const palp_can_frame *out, uint32_t coun
     h = mix(h, &r->tip_m, sizeof r->tip_m);
     h = mix(h, &r->stored_J, sizeof r->stored_J);
     h = mix(h, &r->absorbed_J, sizeof r->absorbed_J);
-    return mix(h, &r->tool_m, sizeof r->tool_m);
+    h = mix(h, &r->moment_Nm, sizeof r->moment_Nm);
+    return mix(h, &r->tool, sizeof r->tool);
 }
 
 /* ---- writing ---- */
@@ -83,6 +84,8 @@ void record_write_session(FILE *f, const session_record *s) {
     for (int i = 0; i < 9; i++) fprintf(m, " %.9g", (double)p->rotation[i]);
     fprintf(m, "\nscale %.9g\ntool %.9g %.9g\nsliding %.9g\n", (double)p->scale,
             (double)c->tool.ball[0].radius_m, (double)c->tool.friction, (double)c->tool.sliding);
+    if (s->tool_bytes > 0)
+        fprintf(m, "tool-file %" PRIu32 " %" PRIu32 "\n", s->tool_bytes, s->tool_crc);
     fprintf(m, "finest %" PRIu32 "\n", c->finest);
     fprintf(m, "cost %.9g %.9g %.9g\nprices", (double)c->cost.ns_per_instruction,
             (double)c->cost.ns_per_byte, (double)c->cost.margin);
@@ -227,6 +230,8 @@ static bool parse_header_line(session_record *s, const char *line) {
         return true;
     }
     if (floats(line, "sliding", &c->tool.sliding, 1)) return true;
+    if (sscanf(line, "tool-file %" SCNu32 " %" SCNu32, &s->tool_bytes, &s->tool_crc) == 2)
+        return true;
     if (sscanf(line, "finest %" SCNu32, &c->finest) == 1) return true;
     if (floats(line, "cost", three, 3)) {
         c->cost = (palp_cost_table){&s->target, three[0], three[1], three[2]};

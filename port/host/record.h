@@ -62,6 +62,7 @@ typedef struct {
     palp_servo_config config; /* but for the port */
     palp_target target;       /* of config.cost, when read */
     uint32_t blob_crc, blob_bytes;
+    uint32_t tool_crc, tool_bytes; /* of its file; 0: a ball */
     char bus[32];
     char *device; /* text of the description */
 } session_record;

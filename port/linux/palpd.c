@@ -6,6 +6,7 @@
 #include "port/linux/loop.h"
 #include "port/linux/realtime.h"
 #include "port/host/placement.h"
+#include "port/host/toolfile.h"
 #include "sim/bus.h"
 #include "port/host/report.h"
 #include "port/host/trouble.h"
@@ -35,6 +36,9 @@ static const char help[] =
     "  --rate HZ           default 1000\n"
     "  --seconds S         default 10; 0 runs until interrupted\n"
     "  --touch NODE        the node to bring under the tool (default: a high flat place)\n"
+    "  --place X Y Z       the point of the body (m) whose nearest free node to bring there\n"
+    "  --tool FILE         what the hand holds, made of a mesh by palp tool (default: a ball)\n"
+    "  --tool-radius M     of the ball (default: the device's, at least half an edge)\n"
     "  --friction MU[,S]   Coulomb friction of the tool, 0 to 10 (default 0), and S, not above "
     "it,\n"
     "                      while it slides\n"
@@ -73,11 +77,13 @@ static const char help[] =
     "state and\nno fault is latched.\n";
 
 static const option options[] = {
-    {"--bus", 1},      {"--device", 1},   {"--rate", 1},      {"--seconds", 1}, {"--hand", 1},
-    {"--touch", 1},    {"--friction", 1}, {"--no-wait", 0},   {"--cpu", 1},     {"--priority", 1},
-    {"--log", 1},      {"--report", 1},   {"--strict-rt", 0}, {"--view", 1},    {"--dds", 0},
-    {"--resume", 0},   {"--hold", 0},     {"--home", 0},      {"--fault", 1},   {"--seed", 1},
-    {"--lockstep", 0}, {"--target", 1},   {NULL, 0}};
+    {"--bus", 1},       {"--device", 1},   {"--rate", 1},     {"--seconds", 1},
+    {"--hand", 1},      {"--touch", 1},    {"--friction", 1}, {"--no-wait", 0},
+    {"--cpu", 1},       {"--priority", 1}, {"--log", 1},      {"--report", 1},
+    {"--strict-rt", 0}, {"--view", 1},     {"--dds", 0},      {"--resume", 0},
+    {"--hold", 0},      {"--home", 0},     {"--fault", 1},    {"--seed", 1},
+    {"--lockstep", 0},  {"--target", 1},   {"--tool", 1},     {"--tool-radius", 1},
+    {"--place", 3},     {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define FAR_SCALE 10.0  /* of a body in the workspace, from which units are doubted */
@@ -89,7 +95,9 @@ static const option options[] = {
 #define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
 
 typedef struct {
-    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault, *target;
+    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault, *target, *tool;
+    double tool_radius_m, place_m[3];
+    bool placed;
     double rate_hz, seconds, friction, sliding;
     uint32_t touch, seed;
     realtime_spec realtime;
@@ -132,7 +140,7 @@ static void set_option(void *context, const argument *a) {
         const char **value;
     } text[] = {{"--bus", &s->bus},     {"--device", &s->device}, {"--hand", &s->hand},
                 {"--log", &s->log},     {"--report", &s->report}, {"--view", &s->view},
-                {"--fault", &s->fault}, {"--target", &s->target}};
+                {"--fault", &s->fault}, {"--target", &s->target}, {"--tool", &s->tool}};
     const struct {
         const char *name;
         bool *value;
@@ -152,6 +160,11 @@ static void set_option(void *context, const argument *a) {
     if (strcmp(o, "--rate") == 0) s->rate_hz = arg_between(a, 49.9, 20000.1);
     if (strcmp(o, "--seconds") == 0) s->seconds = arg_between(a, -1e-9, 1e7);
     if (strcmp(o, "--touch") == 0) s->touch = arg_u32(a, 0, 0, UINT32_MAX - 1);
+    if (strcmp(o, "--tool-radius") == 0) s->tool_radius_m = arg_between(a, 1e-6, 10);
+    if (strcmp(o, "--place") == 0) {
+        for (int k = 0; k < 3; k++) s->place_m[k] = arg_double(a, k);
+        s->placed = true;
+    }
     if (strcmp(o, "--seed") == 0) s->seed = arg_u32(a, 0, 0, UINT32_MAX);
     if (strcmp(o, "--cpu") == 0) s->realtime.cpu = (int)arg_u32(a, 0, 0, 1023);
     if (strcmp(o, "--priority") == 0) s->realtime.priority = (int)arg_u32(a, 0, 1, 98);
@@ -163,6 +176,10 @@ static void check_options(const daemon_spec *s) {
     if (s->blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
     if (s->bus == NULL) die(EXIT_USAGE, "no bus: add --bus INTERFACE or --bus loop");
     if (s->device == NULL) die(EXIT_USAGE, "no device: add --device NAME|FILE");
+    if (s->tool != NULL && s->tool_radius_m > 0)
+        die(EXIT_USAGE, "--tool and --tool-radius: the tool is a file or a ball, not both");
+    if (s->placed && s->touch != UINT32_MAX)
+        die(EXIT_USAGE, "--place and --touch: name the place by one of them");
     bool loop = strcmp(s->bus, "loop") == 0;
     if (s->no_wait && !loop) die(EXIT_USAGE, "--no-wait goes with --bus loop only");
     if (s->fault != NULL && !loop)
@@ -182,7 +199,7 @@ static void keep_peak(peak *p, const tick_record *t) {
     float force = palp_norm(t->report.force_N);
     if (force <= p->force_N) return;
     p->force_N = force;
-    p->tool_m = t->report.tool_m;
+    p->tool_m = t->report.tool.t;
     p->count = t->load_count;
     memcpy(p->load, t->load, t->load_count * sizeof t->load[0]);
 }
@@ -370,12 +387,15 @@ static void check_node(const daemon_spec *s, const palp_blob *blob) {
             s->touch, blob->meta->nodes - 1);
 }
 
-static void log_session(FILE *log, const daemon_spec *s, const palp_servo_config *config) {
+static void log_session(FILE *log, const daemon_spec *s, const palp_servo_config *config,
+                        const tool_file *tool) {
     size_t bytes;
     char *data = read_file(s->blob, &bytes);
     session_record session = {.config = *config,
                               .blob_bytes = (uint32_t)bytes,
                               .blob_crc = palp_crc32c(0, data, bytes),
+                              .tool_bytes = tool->bytes,
+                              .tool_crc = tool->crc,
                               .device = device_text(s->device)};
     snprintf(session.bus, sizeof session.bus, "%s", s->bus);
     record_write_session(log, &session);
@@ -465,11 +485,12 @@ static void introduce(const daemon_spec *s, const palp_blob *blob, const touch_f
     const double coupling = (double)palp_device_coupling(&config->device);
     const double softest = scale * scale * (double)blob->meta->stiffness_min_N_per_m;
     const double stiffest = scale * scale * (double)blob->meta->stiffness_max_N_per_m;
-    printf("%s: %" PRIu32
-           " nodes of %.4g to %.4g N/m at the hand, tool radius %.4g m at node %" PRIu32
+    char tool[128];
+    tool_text(&config->tool, tool, sizeof tool);
+    printf("%s: %" PRIu32 " nodes of %.4g to %.4g N/m at the hand, %s at node %" PRIu32
            ", scale %.4g, coupling %.4g N/m, %.3g ns per instruction\n",
-           s->blob, blob->meta->nodes, softest, stiffest, (double)touch->tool_radius_m, touch->node,
-           scale, coupling, (double)config->cost.ns_per_instruction);
+           s->blob, blob->meta->nodes, softest, stiffest, tool, touch->node, scale, coupling,
+           (double)config->cost.ns_per_instruction);
     if (scale > FAR_SCALE || scale < 1 / FAR_SCALE)
         warn("the body comes into the workspace %.3g times %s than it is: is it in metres?",
              scale > 1 ? scale : 1 / scale, scale > 1 ? "smaller" : "larger");
@@ -499,11 +520,12 @@ static void set_loop(servo_loop *loop, const daemon_spec *s) {
 }
 
 static palp_servo_config configure(const daemon_spec *s, const device_file *file,
-                                   const touch_frame *touch, servo_loop *loop) {
+                                   const touch_frame *touch, const tool_file *tool,
+                                   servo_loop *loop) {
     palp_servo_config config = {.device = file->device,
                                 .placement = touch->placement,
                                 .finest = PALP_CONTACT_FINEST,
-                                .tool = palp_tool_sphere(touch->tool_radius_m),
+                                .tool = tool->tool,
                                 .cost = {.target = &palp_target_counted,
                                          .ns_per_instruction = LOCKSTEP_NS,
                                          .margin = TICK_SHARE},
@@ -565,8 +587,13 @@ int main(int argc, char **argv) {
     if (s.view != NULL) out.view = open_output(s.view);
 
     realtime_prepare(&s.realtime);
-    touch_frame touch = place_body(&blob, &file.device, s.touch);
-    palp_servo_config config = configure(&s, &file, &touch, loop);
+    if (s.placed) s.touch = nearest_free_node(&blob, s.place_m);
+    tool_file tool = {.bytes = 0};
+    if (s.tool != NULL) tool = tool_load(s.tool);
+    touch_frame touch = place_body(&blob, &file.device, s.touch, s.tool != NULL ? &tool.tool : NULL,
+                                   s.tool_radius_m);
+    if (s.tool == NULL) tool.tool = palp_tool_sphere(touch.tool_radius_m);
+    palp_servo_config config = configure(&s, &file, &touch, &tool, loop);
     machine speed;
     if (!s.lockstep) {
         find_speed(&speed, &s, &blob, &config.tool, touch.node);
@@ -588,7 +615,7 @@ int main(int argc, char **argv) {
                             .blob = &blob,
                             .tool_radius_m = touch.tool_radius_m};
     if (s.dds) f.telemetry = telemetry_open(&file.device);
-    if (s.log != NULL) log_session(out.log.file, &s, &config);
+    if (s.log != NULL) log_session(out.log.file, &s, &config, &tool);
     introduce(&s, &blob, &touch, &config);
     fflush(stdout);
     running = loop;

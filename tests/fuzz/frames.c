@@ -41,7 +41,7 @@ static void set_up(void) {
     blob = load_blob(path);
     for (int i = 0; i < DEVICES; i++) {
         files[i] = device_load(names[i]);
-        touches[i] = place_body(&blob, &files[i].device, UINT32_MAX);
+        touches[i] = place_body(&blob, &files[i].device, UINT32_MAX, NULL, 0);
     }
     bytes = palp_servo_memsize(&blob, PALP_CONTACT_FINEST);
     memory = allocate_aligned(bytes, 1);

@@ -25,7 +25,9 @@ static double bounce(bool guarded, double *last) {
         palp_vec3 wanted = {0, 0, (float)(x < 0 ? -k * x : 0)};
         float stored = (float)(x < 0 ? 0.5 * k * x * x : 0);
         if (guarded)
-            wanted = palp_scale(palp_passivity_share(&p, &c, wanted, stored, 0, true), wanted);
+            wanted = palp_scale(
+                palp_passivity_share(&p, &c, &(palp_wrench){.force_N = wanted}, stored, 0, true),
+                wanted);
         palp_passivity_sent(&p, &c, (float[PALP_AXES]){wanted.z});
         force = (double)wanted.z;
         for (double t = 0; t < 0.004; t += h) {
@@ -107,8 +109,8 @@ static void test_scales(void) {
                                    .certain_m_s = {0, r[3], r[1]}};
         palp_passivity_observe(&p, &c, &m);
         const palp_vec3 force = {0, 3 * r[0], 5 * r[2]};
-        const float share =
-            palp_passivity_share(&p, &c, force, 0.01f * fabsf(r[3]), fabsf(r[0]), i % 50 > 0);
+        const float share = palp_passivity_share(&p, &c, &(palp_wrench){.force_N = force},
+                                                 0.01f * fabsf(r[3]), fabsf(r[0]), i % 50 > 0);
         within = within && share >= 0.0f && share <= 1.0f;
         cut = cut || share < 0.5f;
         palp_passivity_sent(&p, &c, (float[PALP_AXES]){share * force.z});
@@ -126,12 +128,12 @@ static void test_forgiving(void) {
     palp_passivity_sent(&p, &c, (float[PALP_AXES]){1});
     m.q_rad[0] = 0.0005f; /* 0.5 mJ */
     palp_passivity_observe(&p, &c, &m);
-    (void)palp_passivity_share(&p, &c, some, 0, 0, true);
+    (void)palp_passivity_share(&p, &c, &(palp_wrench){.force_N = some}, 0, 0, true);
     palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
     const float owed = -p.energy_J;
     for (int i = 0; i < 2000; i++) { /* touched all the time */
         palp_passivity_observe(&p, &c, &m);
-        (void)palp_passivity_share(&p, &c, some, 0.01f, 0, true);
+        (void)palp_passivity_share(&p, &c, &(palp_wrench){.force_N = some}, 0.01f, 0, true);
         palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
     }
     CHECK(owed > 0.49e-3f && !(-p.energy_J < owed) && !palp_passivity_exceeded(&p, &c),
@@ -141,7 +143,7 @@ static void test_forgiving(void) {
     for (int i = 0; i < 1000 && forgiven < 0; i++) { /* ticks of two periods */
         m.periods = 2;
         palp_passivity_observe(&p, &c, &m);
-        (void)palp_passivity_share(&p, &c, none, 0, 0, true);
+        (void)palp_passivity_share(&p, &c, &(palp_wrench){.force_N = none}, 0, 0, true);
         palp_passivity_sent(&p, &c, (float[PALP_AXES]){0});
         if (!(-p.energy_J > 0)) forgiven = 2 * i;
     }
@@ -176,8 +178,8 @@ static void test_quiet(void) {
         before = x;
         palp_passivity_observe(&p, &c, &m);
         const palp_vec3 force = {0, 0, (float)(k * depth)};
-        const float share =
-            palp_passivity_share(&p, &c, force, (float)(0.5 * k * depth * depth), 0, true);
+        const float share = palp_passivity_share(&p, &c, &(palp_wrench){.force_N = force},
+                                                 (float)(0.5 * k * depth * depth), 0, true);
         least = fminf(least, share);
         palp_passivity_sent(&p, &c, (float[PALP_AXES]){share * force.z});
     }

@@ -55,7 +55,7 @@ static void test_feed_forward(void) {
     bool within = true, told = false;
     for (int k = 0; k < 3; k++) {
         float torque[3];
-        palp_pose_torques(&pose, along[k], torque);
+        palp_pose_torques(&pose, along[k], (palp_vec3){0}, torque);
         for (int i = 0; i < 3; i++) most[i] += pow((double)(torque[i] / d->gear[i]), 2);
     }
     for (int t = 0; t < 4000; t++) {

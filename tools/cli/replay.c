@@ -4,6 +4,7 @@
 #include "port/host/record.h"
 #include "port/host/report.h"
 #include "port/host/subnormals.h"
+#include "port/host/toolfile.h"
 #include "port/host/args.h"
 #include "tools/cli/commands.h"
 #include "port/host/blobfile.h"
@@ -13,23 +14,26 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: palp replay LOG BLOB [-o OUT.csv]\n"
+    "usage: palp replay LOG BLOB [--tool FILE] [-o OUT.csv]\n"
     "\n"
     "Re-runs a session that 'palpd --log LOG' has recorded, with the same frames, events and clock "
     "readings,\n"
     "and compares every result. Exit 1 at the first differing bit.\n"
     "\n"
+    "  --tool FILE the tool of the session, if it had one of its own\n"
     "  -o OUT.csv  one line per tick: time_s, state, faults, level, active, tip, force, energy\n";
 
-static const option options[] = {{"-o", 1}, {NULL, 0}};
+static const option options[] = {{"-o", 1}, {"--tool", 1}, {NULL, 0}};
 
 typedef struct {
-    const char *log, *blob, *csv;
+    const char *log, *blob, *csv, *tool;
 } replay_spec;
 
 static void set_option(void *context, const argument *a) {
     replay_spec *s = context;
-    if (a->option != NULL)
+    if (a->option != NULL && strcmp(a->option, "--tool") == 0)
+        s->tool = a->value[0];
+    else if (a->option != NULL)
         s->csv = a->value[0];
     else if (s->log == NULL)
         s->log = a->value[0];
@@ -105,6 +109,21 @@ static palp_servo *open_servo(const palp_blob *blob, const palp_servo_config *co
     return servo;
 }
 
+/* The tool of the session, which the log knows by its bytes alone. */
+static void take_tool(const replay_spec *s, session_record *session) {
+    if (s->tool == NULL)
+        die(EXIT_USAGE, "%s was recorded with a tool of its own: add --tool FILE", s->log);
+    const tool_file t = tool_load(s->tool);
+    if (t.bytes != session->tool_bytes || t.crc != session->tool_crc)
+        die(EXIT_WORK,
+            "%s is not the tool of this session (it had %" PRIu32 " bytes, CRC %08" PRIX32 ")",
+            s->tool, session->tool_bytes, session->tool_crc);
+    const float friction = session->config.tool.friction, sliding = session->config.tool.sliding;
+    session->config.tool = t.tool;
+    session->config.tool.friction = friction;
+    session->config.tool.sliding = sliding;
+}
+
 int command_replay(int argc, char **argv) {
     replay_spec s = {.csv = NULL};
     args_parse(argc, argv, options, help, set_option, &s);
@@ -118,6 +137,7 @@ int command_replay(int argc, char **argv) {
             "%s is not the blob of this session (it had %" PRIu32 " bytes, CRC %08" PRIX32 ")",
             s.blob, session.blob_bytes, session.blob_crc);
     free(data);
+    if (session.tool_bytes > 0) take_tool(&s, &session);
     palp_blob blob = load_blob(s.blob);
     recorded_clock clock = {.tick = NULL};
     subnormals_off(); /* as in the loop */
