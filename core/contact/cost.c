@@ -19,6 +19,13 @@ static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
     }
 }
 
+static void take_evaluation(palp_contact_presser *p, const palp_tool *tool,
+                            const palp_prices *price) {
+    const bool field = tool->shape == PALP_TOOL_FIELD;
+    p->evaluation = evaluation_of(tool, price);
+    p->deep = field ? (1.0f + (float)PALP_TOOL_EXIT) * p->evaluation : p->evaluation;
+}
+
 /* Cells along one axis that a tool's box of half width `reach` may meet. */
 static uint32_t cells_met(const palp_meta *m, uint32_t axis, float reach) {
     float met = palp_min(2.0f * reach / m->cell_size_m + 2.0f, (float)m->cells[axis]);
@@ -64,6 +71,7 @@ static void count_visits(palp_contact_presser *p, const palp_tool *tool) {
 
 static void take_worst(palp_contact_cost *c, const palp_contact_presser *p) {
     c->evaluation = palp_max(c->evaluation, p->evaluation);
+    c->deep = palp_max(c->deep, p->deep);
     c->nodes = palp_max(c->nodes, p->nodes);
     c->visits = palp_max(c->visits, p->visits);
 }
@@ -75,7 +83,7 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
                            .ring = (float)blob->meta->max_ring,
                            .modes = blob->regular.modes};
     for (uint32_t t = 0; t < tool_count; t++) {
-        c.presser[t] = (palp_contact_presser){.evaluation = evaluation_of(&tools[t], price)};
+        take_evaluation(&c.presser[t], &tools[t], price);
         around(blob, palp_lattice_reach(&tools[t], blob), &c.presser[t]);
         count_visits(&c.presser[t], &tools[t]);
         take_worst(&c, &c.presser[t]);
@@ -111,7 +119,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         modes = palp_max(modes, palp_assembly_modes(assembly, i));
     }
     for (uint32_t t = 0; t < tool_count; t++) {
-        c.presser[t].evaluation = evaluation_of(&tools[t], price);
+        take_evaluation(&c.presser[t], &tools[t], price);
         count_visits(&c.presser[t], &tools[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
         take_worst(&c, &c.presser[t]);
@@ -169,13 +177,15 @@ float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_count
 }
 
 static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_contact_level level,
-                                       uint32_t nodes, uint32_t visits) {
+                                       const palp_contact_presser *p) {
     const uint32_t shots = PALP_LATTICE_SHOTS(level.points), ring = (uint32_t)cost->ring;
+    const uint32_t nodes = (uint32_t)p->nodes, visits = (uint32_t)p->visits;
+    const uint32_t seen = p->deep > p->evaluation ? (1u + PALP_TOOL_EXIT) * shots : shots;
     const uint32_t feet = PALP_LATTICE_FEET(level.points);
     const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
                                  .around = visits + feet * ring,
-                                 .evaluations = nodes + shots + PALP_LATTICE_WANTED(level.points) +
+                                 .evaluations = nodes + seen + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
                                                 10u * feet + 1u,
                                  .shots = shots + 4u * feet,
@@ -185,7 +195,8 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
 
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level) {
-    return most_filled(cost, level, (uint32_t)cost->nodes, (uint32_t)cost->visits);
+    const palp_contact_presser worst = {cost->evaluation, cost->deep, cost->nodes, cost->visits};
+    return most_filled(cost, level, &worst);
 }
 
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level) {
@@ -195,7 +206,7 @@ float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level l
 float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_level level,
                                 uint32_t tool) {
     const palp_contact_presser *p = &cost->presser[tool];
-    palp_lattice_counts most = most_filled(cost, level, (uint32_t)p->nodes, (uint32_t)p->visits);
+    palp_lattice_counts most = most_filled(cost, level, p);
     if (tool == PALP_CONTACT_TOOLS) {
         most.shots += most.evaluations;
         most.crossings *= PALP_LATTICE_BETWEEN;
@@ -220,7 +231,7 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
                                uint32_t count) {
     const float n = (float)count, between = others(cost, level, count), sides = n + between;
     const float side = 3.0f * PRICE(cost, CORNER) + (float)level.modes * PRICE(cost, MODE_AT);
-    const float sum = n * (PRICE(cost, POINT) + cost->evaluation) + sides * side;
+    const float sum = n * (PRICE(cost, POINT) + cost->deep) + sides * side;
     if (!(cost->zones > 0.0f)) return sum;
     return sum +
            sides *
@@ -279,7 +290,7 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     float sum = cost->tools * PRICE(cost, FINISH) +
                 n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +
-                n * (PRICE(cost, DERIVATIVE) + cost->evaluation) + a * modes * PRICE(cost, MODE_AT);
+                n * (PRICE(cost, DERIVATIVE) + cost->deep) + a * modes * PRICE(cost, MODE_AT);
     if (!cost->friction) return sum;
     sum += cost->tools * PRICE(cost, FRICTION);
     return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +

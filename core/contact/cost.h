@@ -17,13 +17,13 @@
 /* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes and
  * rows of cells on the way. */
 typedef struct {
-    float evaluation, nodes, visits;
+    float evaluation, deep, nodes, visits; /* deep: of palp_tool_gap_along */
 } palp_contact_presser;
 
 typedef struct {
     palp_prices price;
     palp_contact_presser presser[PALP_CONTACT_TOOLS + 1u]; /* the tools; last: another zone */
-    float tools, evaluation, nodes, visits, ring;          /* the most of them */
+    float tools, evaluation, deep, nodes, visits, ring;    /* the most of them */
     uint32_t modes;
     bool friction;
     float patches;      /* tools, and pairs of zones */

@@ -68,7 +68,12 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
         palp_lattice_set_axis(l, palp_sub(deepest, c));
         palp_lattice_set_origin(l, r);
     } else {
-        palp_lattice_set_axis(l, palp_lattice_flat(r) ? palp_lattice_face(r) : gap.normal);
+        /* the nearest side of a thin tool may be another than the one that presses */
+        const bool field = r->other.surface == NULL && r->tool->shape == PALP_TOOL_FIELD;
+        const palp_vec3 into = palp_scale(-1.0f, palp_lattice_normal(r, &a.deepest));
+        palp_lattice_set_axis(l, palp_lattice_flat(r) ? palp_lattice_face(r)
+                                 : field              ? into
+                                                      : gap.normal);
         l->at.origin_m = palp_sub(deepest, a.moved.t);
         l->at.origin_m =
             palp_madd(l->at.origin_m, -palp_dot(l->at.origin_m, l->at.axis), l->at.axis);

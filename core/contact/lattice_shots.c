@@ -36,6 +36,14 @@ static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
     return gap;
 }
 
+/* The same as the lattice's points see it. */
+static palp_gap gap_along(palp_lattice_filling *f, palp_vec3 y) {
+    const palp_lattice_room *r = f->r;
+    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return gap_at(f, y);
+    r->done->evaluations += 1u + PALP_TOOL_EXIT;
+    return palp_tool_gap_along(r->tool, &f->moved, y, f->l->at.axis);
+}
+
 palp_gap palp_lattice_gap(palp_lattice_filling *f, palp_vec3 y) {
     float gone;
     return gap_at(f, palp_add(y, palp_lattice_beside(f, y, &gone)));
@@ -110,7 +118,7 @@ static bool shoot(palp_lattice_filling *f, float a, float b, bool pressed, palp_
     p->facing = -palp_dot(p->n, p->direction);
     float gone;
     palp_vec3 y = palp_add(p->y, palp_lattice_beside(f, p->y, &gone));
-    palp_gap gap = gap_at(f, y);
+    palp_gap gap = gap_along(f, y);
     p->overlap_m = palp_max(-gap.gap_m, 0.0f);
     if (gap.gap_m >= (pressed ? KEPT * f->r->size_m : gone * f->unsure_m)) return false;
     if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;

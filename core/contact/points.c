@@ -151,7 +151,7 @@ static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
     const palp_contact_patch *patch = &c->patch[p->patch];
     const uint32_t t = patch->tool;
     const palp_contact_spring *s = &c->spring[t];
-    const palp_gap gap = palp_tool_gap(&c->tools[t], &patch->at, y);
+    const palp_gap gap = palp_tool_gap_along(&c->tools[t], &patch->at, y, patch->lattice.used.axis);
     palp_vec3 held = s->held.t;
     const palp_vec3 besides = palp_add(c->beyond_N[t], c->repaid_N[t]);
     if (s->stiffness_N_per_m > 0.0f) held = palp_madd(held, 1.0f / s->stiffness_N_per_m, besides);

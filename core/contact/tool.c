@@ -311,12 +311,15 @@ static palp_gap gap_of_balls(const palp_tool *tool, palp_vec3 x) {
 }
 
 /* Over its slope, as long as that is one: it vanishes where several sides are equally near. */
-static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
-    const palp_tool_distance d = palp_tool_field_at(f, x);
+static palp_gap gap_of_distance(palp_tool_distance d) {
     const palp_vec3 up = {0.0f, 0.0f, 1.0f};
     const float slope = palp_norm(d.slope);
     return (palp_gap){d.distance_m / palp_max(slope, LEAST_SLOPE),
                       slope > 0.0f ? palp_scale(1.0f / slope, d.slope) : up};
+}
+
+static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
+    return gap_of_distance(palp_tool_field_at(f, x));
 }
 
 /* In the tool's own axes. */
@@ -335,6 +338,39 @@ static palp_gap gap_of(const palp_tool *tool, palp_vec3 x) {
 
 palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x) {
     palp_gap gap = gap_of(tool, palp_carry_back(at, x));
+    gap.normal = palp_rotate(at->r, gap.normal);
+    return gap;
+}
+
+#define OUT 1e-3f         /* of the size: how near the surface counts as out */
+#define LEAST_SLANT 0.25f /* of the axis to the side that it is to leave by */
+
+/* Where the axis leaves the tool, from a place inside with this distance. */
+static palp_gap gap_of_exit(const palp_tool_field *f, palp_vec3 x, palp_vec3 axis,
+                            palp_tool_distance from) {
+    const float most = -PALP_TOOL_STEEP * from.distance_m;
+    palp_tool_distance d = from;
+    float way = 0.0f;
+    for (uint32_t k = 0; k < PALP_TOOL_EXIT && d.distance_m < -OUT * f->size_m; k++) {
+        const float slant = palp_dot(d.slope, axis);
+        way -= d.distance_m / (slant > LEAST_SLANT ? palp_min(slant, 1.0f) : 1.0f);
+        if (way > most) return gap_of_distance(from);
+        d = palp_tool_field_at(f, palp_madd(x, way, axis));
+    }
+    palp_gap out = gap_of_distance(d);
+    const float depth = way * palp_dot(out.normal, axis);
+    out.gap_m -= depth;
+    return depth > 0.0f && depth < most ? out : gap_of_distance(from);
+}
+
+palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
+                             palp_vec3 axis) {
+    if (tool->shape != PALP_TOOL_FIELD) return palp_tool_gap(tool, at, x);
+    const palp_vec3 own = palp_carry_back(at, x);
+    const palp_tool_distance d = palp_tool_field_at(&tool->field, own);
+    palp_gap gap = d.distance_m < 0.0f
+                       ? gap_of_exit(&tool->field, own, palp_rotate_back(at->r, axis), d)
+                       : gap_of_distance(d);
     gap.normal = palp_rotate(at->r, gap.normal);
     return gap;
 }

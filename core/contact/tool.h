@@ -106,6 +106,18 @@ palp_touch palp_tool_at(const palp_tool *tool, const palp_frame *at, palp_vec3 x
  * palp_tool_at. */
 palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x);
 
+/*
+ * The gap as a contact along `axis` sees it, unit, out of the tool into the body. In a part thinner than
+ * it is pressed deep the nearest side is not the one that presses. So a place inside a field looks for
+ * where the axis leaves the tool, at e with the normal n, and is n . (x - e) from it, as long as that
+ * is less than PALP_TOOL_STEEP times the distance of the nearest side; else as palp_tool_gap, which it
+ * is for other tools. Cost: at most PALP_TOOL_EXIT evaluations of a field more.
+ */
+palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
+                             palp_vec3 axis);
+#define PALP_TOOL_STEEP 3.0f
+#define PALP_TOOL_EXIT 4u
+
 /* Radius about the reference point within which the surface that touches lies (m). */
 float palp_tool_extent(const palp_tool *tool);
 
