@@ -19,7 +19,7 @@ static const char help[] =
     "\n"
     "Simulates a haptic device, its drives and the hand that holds it on a SocketCAN interface.\n"
     "\n"
-    "  --hand SCRIPT  'touch' (default) or a file of lines t x y z, in device coordinates\n"
+    "  --hand SCRIPT  'touch' (default) or a file of lines t x y z [rx ry rz [grip]], of the device\n"
     "  --seconds S    default 10\n"
     "  --rate HZ      of the drives' frames, default 1000\n"
     "  --fault LIST   KIND[@T[+D]][=V],...: loss duplicate reorder corrupt delay stuck jump "

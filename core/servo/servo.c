@@ -268,6 +268,7 @@ static palp_pose read_pose(palp_servo *s, palp_report *r) {
     }
     const palp_pose pose = palp_forward(&s->config.device.kinematics, believed_rad);
     r->tip_m = pose.tip_m;
+    for (uint32_t e = 0; e < 9u; e++) r->tip_r[e] = pose.r[e];
     r->tip_velocity_m_s = palp_pose_velocity(&pose, r->joint_rad_s);
     s->certain_m_s = palp_pose_velocity(&pose, s->certain_rad_s);
     s->certain_turn_rad_s = palp_pose_turning(&pose, s->certain_rad_s);

@@ -60,6 +60,7 @@ typedef struct {
         elapsed_ns; /* of the whole tick: all that the limit level allows; by the clock */
     float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES];
     palp_vec3 tip_m, tip_velocity_m_s; /* device */
+    float tip_r[9];                    /* turn of the tool, device */
     palp_frame tool;                   /* model */
     palp_vec3 force_N, moment_Nm;      /* at the tip, as sent; what motors make of the moment */
     palp_vec3 contact_moment_Nm;       /* of the contact about the tip, device; most of which a wrist

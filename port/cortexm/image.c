@@ -85,12 +85,12 @@ typedef struct {
 } tally;
 
 static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_t i, tally *t) {
-    palp_can_frame in[PALP_AXES], out[PALP_SERVO_FRAMES_OUT];
+    palp_can_frame in[TRAJECTORY_AXES], out[PALP_SERVO_FRAMES_OUT];
     palp_report r;
     float q[PALP_AXES];
     trajectory_path(i, i < STATE_TICKS ? 0.0f : 0.12f, q);
     trajectory_speak(&device, &config->device, q, in);
-    const palp_tick_input input = {.frames = in, .count = PALP_AXES};
+    const palp_tick_input input = {.frames = in, .count = TRAJECTORY_AXES};
     uint64_t begun = systick_instructions();
     uint32_t sent = palp_servo_tick(servo, &input, out, &r);
     uint64_t took = systick_instructions() - begun;

@@ -47,6 +47,7 @@ palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float 
 }
 
 void trajectory_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]) {
+    for (uint32_t i = TRAJECTORY_AXES; i < PALP_AXES; i++) q_rad[i] = 0.0f;
     float t = 1e-3f * (float)(tick % 1000000u), sine, cosine, slow, unused;
     palp_sincos(6.0f * t, &sine, &cosine);
     palp_sincos(1.7f * t, &slow, &unused);
@@ -57,7 +58,7 @@ void trajectory_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]) {
 
 void trajectory_speak(test_trajectory *o, const palp_device *device, const float q_rad[PALP_AXES],
                       palp_can_frame *out) {
-    for (uint32_t i = 0; i < PALP_AXES; i++) {
+    for (uint32_t i = 0; i < TRAJECTORY_AXES; i++) {
         palp_profile_status s = {.state = o->on[i] ? PALP_DRIVE_IS_ON : PALP_DRIVE_IS_OFF,
                                  .position_rev = q_rad[i] * device->gear[i] / RAD_PER_REV};
         out[i] = palp_profile_encode_status(&o->sent[i], device->node_id[i], false, &s);
@@ -67,7 +68,7 @@ void trajectory_speak(test_trajectory *o, const palp_device *device, const float
 void trajectory_listen(test_trajectory *o, const palp_device *device, const palp_can_frame *frames,
                        uint32_t count) {
     for (uint32_t k = 0; k < count; k++) {
-        for (uint32_t i = 0; i < PALP_AXES; i++) {
+        for (uint32_t i = 0; i < TRAJECTORY_AXES; i++) {
             palp_profile_command c;
             palp_e2e_verdict verdict;
             if (palp_profile_decode_command(&o->received[i], &frames[k], device->node_id[i], false,

@@ -8,9 +8,11 @@
 
 #include "core/palp.h"
 
+#define TRAJECTORY_AXES 3u
+
 typedef struct {
-    palp_e2e sent[PALP_AXES], received[PALP_AXES];
-    bool on[PALP_AXES];
+    palp_e2e sent[TRAJECTORY_AXES], received[TRAJECTORY_AXES];
+    bool on[TRAJECTORY_AXES];
 } test_trajectory;
 
 palp_device trajectory_device(float rate_hz);
@@ -21,7 +23,7 @@ palp_servo_config trajectory_config(const palp_blob *blob, float rate_hz, float 
 /* Joint angles of a tick: a slow figure over the body that goes in and out of it. */
 void trajectory_path(uint32_t tick, float depth_rad, float q_rad[PALP_AXES]);
 
-/* What the drives say in a tick: one frame each to out[PALP_AXES]. */
+/* What the drives say in a tick: one frame each to out[TRAJECTORY_AXES]. */
 void trajectory_speak(test_trajectory *o, const palp_device *device, const float q_rad[PALP_AXES],
                       palp_can_frame *out);
 /* What they are told. */

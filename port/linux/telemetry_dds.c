@@ -8,6 +8,7 @@
 #include "port/host/util.h"
 #include <dds/dds.h>
 #include <inttypes.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,7 +22,8 @@ typedef struct {
     palp_state state;
     uint32_t faults;
     float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES], motor_Nm[PALP_AXES];
-    palp_vec3 tip_m, force_N;
+    palp_vec3 tip_m, force_N, moment_Nm;
+    float tip_r[9];
 } sample;
 
 struct telemetry {
@@ -70,7 +72,8 @@ static std_msgs_msg_dds__Header_ header_of(const sample *s) {
 }
 
 static void write_joints(telemetry *t, const sample *s) {
-    static char *names[PALP_AXES] = {"joint1", "joint2", "joint3"};
+    static char *names[PALP_AXES] = {"joint1", "joint2", "joint3", "joint4",
+                                     "joint5", "joint6", "joint7"};
     double position[PALP_AXES], velocity[PALP_AXES], effort[PALP_AXES];
     for (uint32_t i = 0; i < t->axes; i++) {
         position[i] = (double)s->joint_rad[i];
@@ -87,14 +90,28 @@ static void write_joints(telemetry *t, const sample *s) {
     write_one(t, t->joints, &m);
 }
 
+/* Half the angle along the axis of a turn. */
+static geometry_msgs_msg_dds__Quaternion_ quaternion_of(const float r[9]) {
+    const float none[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    const palp_vec3 turn = palp_turn_between(none, r);
+    const double angle = (double)palp_norm(turn), half = 0.5 * angle;
+    const double share = angle > 1e-9 ? sin(half) / angle : 0.5;
+    return (geometry_msgs_msg_dds__Quaternion_){.x = share * (double)turn.x,
+                                                .y = share * (double)turn.y,
+                                                .z = share * (double)turn.z,
+                                                .w = cos(half)};
+}
+
 static void write_sample(telemetry *t, const sample *s) {
     geometry_msgs_msg_dds__WrenchStamped_ wrench = {
         .header = header_of(s),
-        .wrench.force = {(double)s->force_N.x, (double)s->force_N.y, (double)s->force_N.z}};
+        .wrench = {
+            .force = {(double)s->force_N.x, (double)s->force_N.y, (double)s->force_N.z},
+            .torque = {(double)s->moment_Nm.x, (double)s->moment_Nm.y, (double)s->moment_Nm.z}}};
     geometry_msgs_msg_dds__PoseStamped_ pose = {
         .header = header_of(s),
         .pose = {.position = {(double)s->tip_m.x, (double)s->tip_m.y, (double)s->tip_m.z},
-                 .orientation = {.w = 1}}};
+                 .orientation = quaternion_of(s->tip_r)}};
     write_joints(t, s);
     write_one(t, t->wrench, &wrench);
     write_one(t, t->pose, &pose);
@@ -149,7 +166,9 @@ void telemetry_publish(telemetry *t, const tick_record *tick) {
                   .state = r->state,
                   .faults = r->faults,
                   .tip_m = r->tip_m,
-                  .force_N = r->force_N};
+                  .force_N = r->force_N,
+                  .moment_Nm = r->moment_Nm};
+    memcpy(s->tip_r, r->tip_r, sizeof s->tip_r);
     memcpy(s->joint_rad, r->joint_rad, sizeof s->joint_rad);
     memcpy(s->joint_rad_s, r->joint_rad_s, sizeof s->joint_rad_s);
     memcpy(s->motor_Nm, r->motor_torque_Nm, sizeof s->motor_Nm);

@@ -225,7 +225,7 @@ int main(int argc, char **argv) {
             for (uint32_t i = 0; i < sent; i++)
                 mix(&out[i].id, sizeof out[i].id), mix(out[i].data, out[i].length);
             mix(&report.force_N, sizeof report.force_N);
-            mix(&report.tool_m, sizeof report.tool_m);
+            mix(&report.tool, sizeof report.tool);
             largest = palp_max(largest, palp_norm(report.force_N));
             n = 0;
         }

@@ -274,19 +274,76 @@ static double mismatch(const palp_kinematics *k, const double q[3], const double
     return worst;
 }
 
+/* Wrists: the turn that joints make, its axes by differences, its inverse, and what motors transmit. */
+static void test_wrist(const char *name) {
+    const palp_kinematics k = device_load(name).device.kinematics;
+    const uint32_t first = palp_wrist_axis(&k), grip = palp_grip_axis(&k);
+    uint64_t seed = 9;
+    double axes = 0, back = 0, power = 0, passive = 0, opens = 0, columns = 0;
+    for (int i = 0; i < 2000; i++) {
+        float q[PALP_AXES], dq[PALP_AXES] = {0}, there[PALP_AXES], tau[PALP_AXES];
+        for (uint32_t j = 0; j < palp_axes(&k); j++) q[j] = 0.9f * (float)tap_random(&seed);
+        const palp_pose pose = palp_forward(&k, q);
+        for (uint32_t j = 0; j < palp_axes(&k); j++) {
+            float up[PALP_AXES], down[PALP_AXES];
+            memcpy(up, q, sizeof q);
+            memcpy(down, q, sizeof q);
+            up[j] += 1e-2f;
+            down[j] -= 1e-2f;
+            const palp_pose a = palp_forward(&k, up), b = palp_forward(&k, down);
+            const palp_vec3 turn = palp_scale(50.0f, palp_turn_between(b.r, a.r)),
+                            move = palp_scale(50.0f, palp_sub(a.tip_m, b.tip_m));
+            axes = fmax(axes, (double)palp_norm(palp_sub(turn, pose.turn[j])));
+            columns = fmax(columns, (double)palp_norm(palp_sub(move, pose.column_m[j])));
+        }
+        memcpy(there, q, sizeof q);
+        for (uint32_t j = 0; j < 3; j++) there[first + j] = 0;
+        palp_inverse_wrist(&k, pose.r, there);
+        for (uint32_t j = 0; j < 3; j++)
+            back = fmax(back, fabs((double)(there[first + j] - q[first + j])));
+        const palp_vec3 f = {(float)tap_random(&seed), (float)tap_random(&seed), 0.5f},
+                        m = {(float)tap_random(&seed), 0.3f, (float)tap_random(&seed)};
+        palp_pose_torques(&pose, f, m, tau);
+        double work = 0;
+        for (uint32_t j = 0; j < PALP_AXES; j++) {
+            dq[j] = j < palp_axes(&k) ? (float)tap_random(&seed) : 0;
+            work += (double)(tau[j] * dq[j]);
+        }
+        work -= (double)(palp_dot(f, palp_pose_velocity(&pose, dq)) +
+                         palp_dot(m, palp_pose_turning(&pose, dq)));
+        power = fmax(power, fabs(work));
+        const palp_vec3 some = palp_pose_transmits(&pose, &k, 1u << first | 4u << first, m);
+        passive = fmax(passive, fabs((double)palp_dot(some, pose.turn[first + 1])));
+        for (uint32_t j = 0; j < 3; j += 2)
+            passive =
+                fmax(passive, fabs((double)palp_dot(palp_sub(some, m), pose.turn[first + j])));
+        const palp_vec3 all = palp_pose_transmits(&pose, &k, 7u << first, m);
+        passive = fmax(passive, (double)palp_norm(palp_sub(all, m)));
+        passive = fmax(passive, (double)palp_norm(palp_pose_transmits(&pose, &k, 7u, m)));
+        if (grip < palp_axes(&k))
+            opens = fmax(opens, fabs((double)(pose.opening_m - k.grip_m_per_rad * q[grip])));
+    }
+    AT_MOST(axes, 2e-4, "%s: axes that joints turn the tool about, against differences", name);
+    AT_MOST(columns, 1e-4, "%s: and how they move the tip, m/rad", name);
+    AT_MOST(back, 1e-5, "%s: joints of the wrist from the tool's turn, rad", name);
+    AT_MOST(power, 1e-6, "%s: torques do the work of force and moment", name);
+    AT_MOST(passive, 2e-5, "%s: what motors transmit has nothing along axes without, Nm", name);
+    AT_MOST(opens, 1e-9, "%s: the grip opens", name);
+}
+
 static void test_mechanism(const char *name) {
     device_file file = device_load(name);
     const palp_kinematics *k = &file.device.kinematics;
     double forward = 0, inverse = 0, jacobian = 0, home = 0;
     uint64_t seed = 8;
-    const float zero[3] = {0, 0, 0};
+    const float zero[PALP_AXES] = {0};
     home = (double)palp_norm(palp_forward(k, zero).tip_m);
     for (int i = 0; i < 2000; i++) {
         double R = (double)file.device.workspace_radius_m;
         palp_vec3 tip = {(float)(R * 0.6 * tap_random(&seed)), (float)(R * 0.6 * tap_random(&seed)),
                          (float)(R * 0.6 * tap_random(&seed))};
         if (palp_axes(k) == 2) tip.y = 0;
-        float q[3] = {0, 0, 0}, there[2][3];
+        float q[PALP_AXES] = {0}, there[2][PALP_AXES] = {{0}};
         if (!palp_inverse(k, tip, q)) inverse = 1;
         palp_pose pose = palp_forward(k, q);
         inverse = fmax(inverse, (double)palp_norm(palp_sub(pose.tip_m, tip)));
@@ -313,14 +370,15 @@ static void test_mechanism(const char *name) {
 
 static void test_singular(void) {
     device_file file = device_load("arm3");
-    float stretched[3] = {0, 0, 1.5707f}; /* upper arm and forearm in line */
+    float stretched[PALP_AXES] = {0, 0, 1.5707f}; /* upper arm and forearm in line */
     AT_MOST((double)palp_forward(&file.device.kinematics, stretched).conditioning, 1e-3,
             "arm3: a stretched arm is singular");
-    float home[3] = {0, 0, 0}, q[3];
+    float home[PALP_AXES] = {0}, q[PALP_AXES] = {0};
     CHECK(palp_forward(&file.device.kinematics, home).conditioning > 0.9f, "and home is not");
     CHECK(!palp_inverse(&file.device.kinematics, (palp_vec3){0.3f, 0, 0}, q),
           "a place out of reach is refused");
-    const palp_kinematics flat = {PALP_DELTA, 0.06f, 0.0901f, 0.03f};
+    const palp_kinematics flat = {
+        .mechanism = PALP_DELTA, .upper_m = 0.06f, .fore_m = 0.0901f, .base_m = 0.03f};
     AT_MOST((double)palp_forward(&flat, home).conditioning, 0.05,
             "a delta whose distal links nearly lie in a plane is nearly singular");
 }
@@ -538,6 +596,8 @@ int main(void) {
     test_mechanism("arm3");
     test_mechanism("pantograph");
     test_mechanism("delta3");
+    test_wrist("arm6-palp-fd");
+    test_wrist("arm7-palp-fd");
     test_singular();
     test_velocity();
     test_joint();

@@ -14,7 +14,7 @@ static device_file file;
 
 static void test_output(void) {
     palp_output out = {0};
-    float q[3] = {0.1f, 0.2f, 0.1f};
+    float q[PALP_AXES] = {0.1f, 0.2f, 0.1f};
     palp_pose pose = palp_forward(&file.device.kinematics, q);
     uint64_t seed = 10;
     bool sound = true;
@@ -45,7 +45,7 @@ static void test_output(void) {
 static void test_feed_forward(void) {
     palp_output out = {0};
     const palp_device *d = &file.device;
-    const float q[3] = {0.1f, 0.2f, 0.1f}, limit = d->drives.torque_max_Nm;
+    const float q[PALP_AXES] = {0.1f, 0.2f, 0.1f}, limit = d->drives.torque_max_Nm;
     const float step = d->slew_max_N_per_s * 0.001f;
     const palp_pose pose = palp_forward(&d->kinematics, q);
     const palp_vec3 along[3] = {{step, 0, 0}, {0, step, 0}, {0, 0, step}};
@@ -54,7 +54,7 @@ static void test_feed_forward(void) {
     palp_vec3 last = {0};
     bool within = true, told = false;
     for (int k = 0; k < 3; k++) {
-        float torque[3];
+        float torque[PALP_AXES];
         palp_pose_torques(&pose, along[k], (palp_vec3){0}, torque);
         for (int i = 0; i < 3; i++) most[i] += pow((double)(torque[i] / d->gear[i]), 2);
     }
@@ -97,7 +97,9 @@ static bool home_at(rig *r, const hand_key *keys, uint32_t count) {
     rig_open(r, &body.blob, &config, "touch", NULL, 1);
     rig_lead(r, keys, count, 800, 10);
     r->bus.script.tremor_m = 2e-5;
-    sim_device_init(&r->bus.device, &r->file, keys[0].x_m);
+    hand_pose begin = {.turn = {.grip_rad = 0}};
+    memcpy(begin.x_m, keys[0].x_m, sizeof begin.x_m);
+    sim_device_init(&r->bus.device, &r->file, &begin);
     rig_run(r, 0.5);
     return r->report.state == PALP_STATE_HOMING;
 }
@@ -116,7 +118,9 @@ static void test_homing(void) {
     rig_start(&plain, &body.blob, "arm3", 1000, "touch", NULL, 1);
     rig_lead(&plain, keys, 4, 800, 10);
     plain.bus.script.tremor_m = 2e-5;
-    sim_device_init(&plain.bus.device, &plain.file, keys[0].x_m);
+    hand_pose begin = {.turn = {.grip_rad = 0}};
+    memcpy(begin.x_m, keys[0].x_m, sizeof begin.x_m);
+    sim_device_init(&plain.bus.device, &plain.file, &begin);
     rig_run(&plain, 3.5);
     CHECK(r.report.state == PALP_STATE_RUN && palp_norm(plain.report.force_N) > 0.1f,
           "held at home, the operator says so: RUN, and %.3f N",
@@ -290,9 +294,9 @@ static void test_compensation(void) {
         r.bus.script.stiffness_N_per_m = 100;
         r.bus.script.count = 1; /* holds still above the body */
         rig_run(&r, 0.6);
-        double target[3];
-        hand_target(&r.bus.script, r.bus.time_s, target);
-        drop[with] = target[2] - r.bus.device.x_m[2];
+        hand_pose target;
+        hand_target(&r.bus.script, r.bus.time_s, &target);
+        drop[with] = target.x_m[2] - r.bus.device.x_m[2];
         if (with == 1) {
             rig_run(&r, 1.5);
             CHECK(r.report.state == PALP_STATE_RUN, "and rests there without a fault");

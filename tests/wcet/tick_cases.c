@@ -86,7 +86,7 @@ static void servo_tick(session *s, const float q[PALP_AXES], uint32_t frames) {
     palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
     palp_report r;
     tick_done d = {.t = {.level = s->config.finest}, .frames = frames, .servo = true};
-    for (uint32_t k = 0; k < frames; k += PALP_AXES)
+    for (uint32_t k = 0; k < frames; k += TRAJECTORY_AXES)
         trajectory_speak(&s->device, &s->config.device, q, in + k);
     palp_tick_input input = {.frames = in, .count = frames, .events = 0};
     uint64_t before = instructions();

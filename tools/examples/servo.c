@@ -10,6 +10,7 @@
 #include "blob.h"
 #include <time.h>
 
+#define AXES 3
 #define RATE_HZ 1000.0f
 #define TICKS 3000
 #define RAD_PER_REV 6.28318530718f
@@ -28,26 +29,27 @@ static uint64_t monotonic_ns(void *context) {
     return 1000000000ull * (uint64_t)t.tv_sec + (uint64_t)t.tv_nsec;
 }
 
-static const palp_device arm = {.kinematics = {PALP_ARM3, 0.14f, 0.14f, 0},
-                                .drives = {.protocol = PALP_PROTOCOL_PALP,
-                                           .counts_per_rev = 65536,
-                                           .torque_max_Nm = 0.35f,
-                                           .watchdog_s = 0.05f,
-                                           .rate_hz = RATE_HZ},
-                                .node_id = {1, 2, 3},
-                                .gear = {10, 10, 10},
-                                .joint_min_rad = {-2, -2, -2},
-                                .joint_max_rad = {2, 2, 2},
-                                .force_max_N = 8.5f,
-                                .slew_max_N_per_s = 4000,
-                                .speed_max_m_s = 1.5f,
-                                .workspace_radius_m = 0.06f,
-                                .tool_radius_m = 0.012f,
-                                .stiffness_max_N_per_m = 700,
-                                .damping_max_Ns_per_m = 1.5f,
-                                .mass_kg = 0.12f,
-                                .damping_Ns_per_m = 0.6f,
-                                .bit_rate_bps = 1000000};
+static const palp_device arm = {
+    .kinematics = {.mechanism = PALP_ARM3, .upper_m = 0.14f, .fore_m = 0.14f},
+    .drives = {.protocol = PALP_PROTOCOL_PALP,
+               .counts_per_rev = 65536,
+               .torque_max_Nm = 0.35f,
+               .watchdog_s = 0.05f,
+               .rate_hz = RATE_HZ},
+    .node_id = {1, 2, 3},
+    .gear = {10, 10, 10},
+    .joint_min_rad = {-2, -2, -2},
+    .joint_max_rad = {2, 2, 2},
+    .force_max_N = 8.5f,
+    .slew_max_N_per_s = 4000,
+    .speed_max_m_s = 1.5f,
+    .workspace_radius_m = 0.06f,
+    .tool_radius_m = 0.012f,
+    .stiffness_max_N_per_m = 700,
+    .damping_max_Ns_per_m = 1.5f,
+    .mass_kg = 0.12f,
+    .damping_Ns_per_m = 0.6f,
+    .bit_rate_bps = 1000000};
 
 /* What a drive says of its joint, and what it is told. */
 static palp_can_frame speak(drive *d, uint32_t axis, float joint_rad) {
@@ -69,7 +71,7 @@ int main(int argc, char **argv) {
     palp_blob blob;
     palp_servo *servo;
     palp_report report = {.tick = 0};
-    drive drives[PALP_AXES] = {{.on = false}};
+    drive drives[AXES] = {{.on = false}};
     float bound_ns, largest_N = 0;
     if (argc != 2) return 2;
     if (!read_blob(&blob, argv[1])) return 1;
@@ -92,14 +94,14 @@ int main(int argc, char **argv) {
     }
     for (uint32_t tick = 0; tick < TICKS; tick++) {
         float down, unused;
-        palp_can_frame in[PALP_AXES], out[PALP_SERVO_FRAMES_OUT];
+        palp_can_frame in[AXES], out[PALP_SERVO_FRAMES_OUT];
         palp_sincos(2.0f * (float)tick / RATE_HZ, &unused, &down);
-        for (uint32_t i = 0; i < PALP_AXES; i++)
+        for (uint32_t i = 0; i < AXES; i++)
             in[i] =
                 speak(&drives[i], i, i == 1 ? 0.04f * (down - 1.0f) : 1e-4f * (float)(tick % 50u));
-        const palp_tick_input input = {.frames = in, .count = PALP_AXES};
+        const palp_tick_input input = {.frames = in, .count = AXES};
         const uint32_t n = palp_servo_tick(servo, &input, out, &report);
-        for (uint32_t i = 0; i < PALP_AXES; i++) listen(&drives[i], i, out, n);
+        for (uint32_t i = 0; i < AXES; i++) listen(&drives[i], i, out, n);
         largest_N = palp_max(largest_N, palp_norm(report.force_N));
     }
     static const char *const states[] = {PALP_STATE_NAMES};
