@@ -128,6 +128,10 @@ static float set_path(palp_impose *p, uint32_t t, const palp_frame *to) {
     return palp_min(length, most);
 }
 
+void palp_impose_place(palp_impose *impose, uint32_t tool, const palp_frame *at) {
+    impose->from[tool] = impose->to[tool] = *at;
+}
+
 void palp_impose_begin(palp_impose *p, const palp_frame *to) {
     float path_m[PALP_CONTACT_TOOLS] = {0.0f};
     p->count = 0;

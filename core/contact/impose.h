@@ -71,6 +71,9 @@ palp_status palp_impose_init(palp_impose *impose, const palp_impose_config *conf
  * 60 more per tool, 260 + max_points per narrow-phase test. */
 void palp_impose_begin(palp_impose *impose, const palp_frame *to);
 
+/* A tool is there without having gone there: put down, or taken away. */
+void palp_impose_place(palp_impose *impose, uint32_t tool, const palp_frame *at);
+
 /* After palp_dyna_move in step s of `steps`. Cost: 100 per point, and the tool's. */
 void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps);
 

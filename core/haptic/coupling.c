@@ -6,18 +6,21 @@
 #define LARGEST_MOVE 0.05f
 #define LARGEST_STEP 0.1f
 #define LARGEST_TURN 0.1f /* rad */
-#define APART 1.001f /* of a tool that is put on the surface, over how far it extends to it */
+#define APART 1.001f      /* of a tool that is put on the surface, over how far it extends to it */
+
+static const palp_vec3 far_away = {1e3f, 1e3f, 1e3f};
+
+static void let_go(palp_coupling_tool *k) {
+    k->placed = k->touching = false;
+    k->searched = 0;
+    k->contact = k->offset = (palp_wrench){.force_N = {0}};
+    k->held_Nm = k->carried_m = (palp_vec3){0};
+    k->yield_per_J = 0.0f;
+    palp_friction_reset(&k->friction);
+}
 
 void palp_coupling_reset(palp_coupling *coupling) {
-    for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) {
-        palp_coupling_tool *k = &coupling->tool[t];
-        k->placed = k->touching = false;
-        k->searched = 0;
-        k->contact = k->offset = (palp_wrench){.force_N = {0}};
-        k->held_Nm = k->carried_m = (palp_vec3){0};
-        k->yield_per_J = 0.0f;
-        palp_friction_reset(&k->friction);
-    }
+    for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) let_go(&coupling->tool[t]);
     coupling->settling = 0;
 }
 
@@ -127,26 +130,35 @@ static palp_frame foresee(const palp_coupling_tool *k, const palp_frame *device,
 
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_frame *device) {
-    bool ready = true;
+    uint32_t ready = 0;
     for (uint32_t t = 0; t < contact->tool_count; t++) {
         palp_coupling_tool *k = &coupling->tool[t];
         float size = palp_tool_size(&contact->tools[t]);
         coupling->next[t] = device[t];
+        if (k->absent) {
+            let_go(k);
+            k->tool = k->device = k->expected = coupling->next[t] = palp_frame_at(far_away);
+            ready++;
+            continue;
+        }
         if (!k->placed) {
             k->placed = search_on(k, contact, device[t].t);
             k->tool = k->placed ? outside(contact, t, k->nearest, device[t]) : device[t];
-            k->expected = k->tool;
+            k->expected = k->placed ? k->tool : palp_frame_at(far_away);
             k->device = device[t];
-            ready = ready && k->placed;
+            ready += k->placed ? 1u : 0u;
             continue;
         }
+        ready++;
         const palp_vec3 all = palp_contact_carried(contact, t);
         const palp_vec3 carried = palp_sub(all, k->carried_m); /* in this tick */
         k->carried_m = all;
         palp_friction_carry(&k->friction, carried);
         k->expected = foresee(k, &device[t], carried, size);
     }
-    return ready;
+    for (uint32_t t = 0; t < contact->tool_count && ready == 0u; t++)
+        coupling->tool[t].expected = coupling->tool[t].tool;
+    return ready > 0u;
 }
 
 void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *contact,
@@ -160,8 +172,8 @@ void palp_coupling_springs(const palp_coupling *coupling, const palp_contact *co
                                           .stiffness_Nm_per_rad = k->stiffness_Nm_per_rad};
         spring[t].held.t = palp_madd(coupling->next[t].t, 1.0f / k->stiffness_N_per_m, held);
         if (!(k->stiffness_Nm_per_rad > 0.0f)) continue;
-        const palp_vec3 turn = palp_scale(1.0f / k->stiffness_Nm_per_rad,
-                                          palp_add(k->held_Nm, k->offset.moment_Nm));
+        const palp_vec3 turn =
+            palp_scale(1.0f / k->stiffness_Nm_per_rad, palp_add(k->held_Nm, k->offset.moment_Nm));
         palp_turn_by(turn, coupling->next[t].r, spring[t].held.r);
     }
 }
@@ -186,11 +198,9 @@ static palp_vec3 damper(const palp_coupling_tool *k, palp_vec3 velocity) {
 /* Of the springs between a tool and its device. */
 static palp_wrench spring_wrench(const palp_coupling_tool *k, const palp_frame *tool,
                                  const palp_frame *device) {
-    palp_wrench w = {
-        .force_N = palp_scale(k->stiffness_N_per_m, palp_sub(tool->t, device->t))};
+    palp_wrench w = {.force_N = palp_scale(k->stiffness_N_per_m, palp_sub(tool->t, device->t))};
     if (k->stiffness_Nm_per_rad > 0.0f)
-        w.moment_Nm =
-            palp_scale(k->stiffness_Nm_per_rad, palp_turn_between(device->r, tool->r));
+        w.moment_Nm = palp_scale(k->stiffness_Nm_per_rad, palp_turn_between(device->r, tool->r));
     return w;
 }
 
@@ -254,8 +264,7 @@ static palp_vec3 at_most(palp_vec3 v, float most) {
 static void keep_offset(palp_coupling_tool *k, const palp_contact *c, uint32_t t,
                         palp_frame *rest) {
     const palp_wrench from = spring_wrench(k, &k->expected, rest); /* as if held at rest */
-    const palp_vec3 force =
-        at_most(from.force_N, PALP_COUPLING_OFFSET * palp_norm(c->force_N[t]));
+    const palp_vec3 force = at_most(from.force_N, PALP_COUPLING_OFFSET * palp_norm(c->force_N[t]));
     const palp_vec3 moment =
         at_most(from.moment_Nm, PALP_COUPLING_OFFSET * palp_norm(c->moment_Nm[t]));
     k->offset.force_N = palp_add(k->offset.force_N, force);
@@ -271,8 +280,8 @@ static void rub(palp_coupling *coupling, palp_contact *c, uint32_t t, palp_frame
     palp_coupling_tool *k = &coupling->tool[t];
     const palp_vec3 before = k->friction.force_N;
     palp_friction_solve(&k->friction, &coupling->work, c, t, rest, k->stiffness_N_per_m);
-    rest->t = palp_madd(rest->t, 1.0f / k->stiffness_N_per_m,
-                        palp_sub(k->friction.force_N, before));
+    rest->t =
+        palp_madd(rest->t, 1.0f / k->stiffness_N_per_m, palp_sub(k->friction.force_N, before));
     const float turns = k->stiffness_Nm_per_rad;
     if (!(turns > 0.0f)) return;
     const float share = turns / (turns + k->friction.sticking_Nm);
@@ -286,8 +295,7 @@ static palp_frame step_to(const palp_frame *from, const palp_frame *to, float si
     palp_frame at = *to;
     at.t = approach(from->t, to->t, LARGEST_STEP * size);
     const palp_vec3 turn = palp_turn_between(from->r, to->r);
-    if (palp_norm(turn) > LARGEST_TURN)
-        palp_turn_by(at_most(turn, LARGEST_TURN), from->r, at.r);
+    if (palp_norm(turn) > LARGEST_TURN) palp_turn_by(at_most(turn, LARGEST_TURN), from->r, at.r);
     return at;
 }
 

@@ -47,8 +47,8 @@
 
 /* One tool on its spring. */
 typedef struct {
-    float stiffness_N_per_m; /* k > 0 */
-    float damping_Ns_per_m;  /* b >= 0 */
+    float stiffness_N_per_m;                         /* k > 0 */
+    float damping_Ns_per_m;                          /* b >= 0 */
     float stiffness_Nm_per_rad, damping_Nms_per_rad; /* k_r; 0: the device's directions */
     palp_frame tool, device;
     palp_vec3 velocity_m_s, velocity_rad_s; /* of the device, set by who measures it better than by
@@ -61,6 +61,7 @@ typedef struct {
     palp_vec3 carried_m;                    /* by the bodies that press it, since that answer */
     float yield_per_J;                      /* k_c / F^2 */
     palp_friction friction;
+    bool absent; /* set by the caller: it is far from everything, and let go */
     bool placed, touching;
     uint32_t searched, nearest; /* nodes, before it is placed */
     float least_m2;
@@ -87,8 +88,8 @@ void palp_coupling_reset(palp_coupling *coupling);
 /*
  * Begins a tick with the devices at device[tool_count]. After a reset a tool is first placed, by
  * the node of the body that is nearest to its device, PALP_COUPLING_SEARCHED of them in a tick;
- * false while one is not: there is no contact to be solved yet, and palp_coupling_hold answers 0.
- * Cost: 60 per tool, or 10 for each node compared.
+ * false while none is: there is no contact to be solved yet, and palp_coupling_hold answers 0. One
+ * that is not placed while others are, or that is absent, is far away meanwhile. Cost: 60 per tool, or 10 for each node compared.
  */
 bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
                          const palp_frame *device);

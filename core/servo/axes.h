@@ -13,7 +13,7 @@ typedef struct {
     palp_joint_limits limits[PALP_AXES];
     float contact_torque_Nm[PALP_AXES]; /* motor torques of the contact alone, of the last tick */
     float zero_rad[PALP_AXES];          /* angle of a joint where its drive reads 0 */
-    uint32_t count, motors; /* joints; bit i: joint i has a motor */
+    uint32_t count, motors;             /* joints; bit i: joint i has a motor */
     bool homed; /* it is known; else joints count from 0, and no reading is out of limits */
     bool fine;  /* encoders see a hand's tremor, so that one that stands still is broken */
 } palp_device_axes;

@@ -31,8 +31,7 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
     const float step_Nm = step * most_moment_Nm(device) / device->force_max_N;
     const uint32_t grip = palp_grip_axis(&device->kinematics);
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
-        float joint =
-            step * palp_norm(pose->column_m[i]) + step_Nm * palp_norm(pose->turn[i]);
+        float joint = step * palp_norm(pose->column_m[i]) + step_Nm * palp_norm(pose->turn[i]);
         if (i == grip) joint = step * palp_abs(device->kinematics.grip_m_per_rad);
         slew_Nm[i] = joint / palp_abs(device->gear[i]);
     }
@@ -119,8 +118,7 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
         palp_wrench w = {shorten(request->force_N, device->force_max_N, &r.limited),
                          palp_pose_transmits(pose, &device->kinematics, palp_device_motors(device),
                                              request->moment_Nm)};
-        float grip_N =
-            palp_clamp(request->grip_N, -device->force_max_N, device->force_max_N);
+        float grip_N = palp_clamp(request->grip_N, -device->force_max_N, device->force_max_N);
         if (most_Nm > 0.0f) w.moment_Nm = shorten(w.moment_Nm, most_Nm, &r.limited);
         if (passive != NULL) {
             const float share =

@@ -162,6 +162,12 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, co
     return p->gamma * p->sigma;
 }
 
+void palp_passivity_take_from(palp_passivity *p, palp_passivity *other) {
+    const float moved = palp_min(palp_max(-p->energy_J, 0.0f), palp_max(other->energy_J, 0.0f));
+    p->energy_J += moved;
+    other->energy_J -= moved;
+}
+
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config) {
     return -p->energy_J > config->deficit_max_J + p->doubt_J;
 }

@@ -102,6 +102,10 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
                            const palp_wrench *wrench, float stored_J, float damped_W, bool steady);
 
+/* Of two hands on one body: what p was given beyond what its hand has put in comes from what the hand
+ * of `other` has, as far as that goes. */
+void palp_passivity_take_from(palp_passivity *p, palp_passivity *other);
+
 /* Whether the deficit is beyond what is allowed. */
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * One servo tick, straight through: frames -> joint angles -> tool pose -> contact points ->
- * contact forces -> force -> limits -> joint torques -> frames.
+ * The scene (scene.h) with one elastostatic body, one tool and one device, which most need: frames ->
+ * joint angles -> tool pose -> contact points -> contact forces -> force -> limits -> joint torques ->
+ * frames.
  *
  * The tick does not fail. It clamps, counts and reports; faults latch and take the force to zero
  * (safety.h). All that it depends on comes in through palp_tick_input and the port's clock, so that
@@ -10,17 +11,7 @@
 #ifndef PALP_SERVO_SERVO_H
 #define PALP_SERVO_SERVO_H
 
-#include "core/contact/loads.h"
-#include "core/servo/answer.h"
-#include "core/servo/output.h"
-#include "core/servo/safety.h"
-
-/* Where the body is felt: x_model = origin + scale R x_device, R row-major. */
-typedef struct {
-    palp_vec3 origin_m; /* finite */
-    float rotation[9];  /* a rotation, to 1 % */
-    float scale; /* model over device, above 0; forces at the hand are scale times the model's */
-} palp_placement;
+#include "core/servo/scene.h"
 
 /* Kept by value; what it points to stays with the caller. */
 typedef struct {
@@ -37,17 +28,6 @@ typedef struct {
     bool unguarded;                            /* without the passivity controller */
 } palp_servo_config;
 
-/* What a tick reads. All of it is untrusted: bad frames and torques that are not finite are counted
- * or rejected (PALP_FAULT_OUTPUT for the latter). */
-typedef struct {
-    const palp_can_frame *frames; /* received since the last tick, oldest first; NULL if none */
-    uint32_t count;   /* of the first ones beyond PALP_SERVO_FRAMES_IN nothing is read */
-    uint32_t skipped; /* whole periods that the caller let pass without a tick before this one */
-    uint32_t events;  /* PALP_EVENT_ bits */
-    float feedforward_Nm[PALP_AXES]; /* motor torques of the integrator's own compensation; they
-                                        come within the motors' and the slew limit */
-} palp_tick_input;
-
 typedef struct {
     uint64_t tick;
     palp_state state;
@@ -63,7 +43,7 @@ typedef struct {
     float tip_r[9];                    /* turn of the tool, device */
     palp_frame tool;                   /* model */
     palp_vec3 force_N, moment_Nm;      /* at the tip, as sent; what motors make of the moment */
-    palp_vec3 contact_moment_Nm;       /* of the contact about the tip, device; most of which a wrist
+    palp_vec3 contact_moment_Nm; /* of the contact about the tip, device; most of which a wrist
                                           without motors lets nobody feel */
     float motor_torque_Nm[PALP_AXES];
     float stored_J;     /* contact and coupling, in device units */
@@ -76,21 +56,23 @@ typedef struct {
     bool slipping, braked;
 } palp_report;
 
+/* What one hand is told of a tick: of itself, of one body, and of one of its tools there; `scale` of its
+ * placement. */
+palp_report palp_report_of(const palp_scene_report *scene, uint32_t hand, uint32_t body,
+                           uint32_t tool, float scale);
+
 typedef struct palp_servo palp_servo;
 
 /* Stack that any call of this library takes at most, besides the port's clock (make size prints
  * what the compilers report). */
 #define PALP_SERVO_STACK 4096u
 
-/* Frames that a tick takes in at most: what its bound is for. */
-#define PALP_SERVO_FRAMES_IN 64u
-
 /* Loads that palp_servo_loads makes at most. */
 #define PALP_SERVO_LOADS 192u
 
 /* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
  * regular part or `finest` is no level. */
-#define PALP_SERVO_OBJECT 24576u
+#define PALP_SERVO_OBJECT 40960u
 #define PALP_SERVO_BYTES(finest) (PALP_SERVO_OBJECT + PALP_CONTACT_BYTES(1u, finest))
 size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 
@@ -112,11 +94,6 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
  */
 uint32_t palp_servo_tick(palp_servo *servo, const palp_tick_input *input, palp_can_frame *out,
                          palp_report *report);
-
-/* What a tick takes at most before its answer (SERVO / 2 + 64 FRAME), and after it (SERVO / 2), in
- * the unit of the prices. */
-float palp_servo_cost_before(const palp_prices *price);
-float palp_servo_cost_after(const palp_prices *price);
 
 /* Totals since the servo was opened; the pointer holds as long as the servo. Constant time. */
 const palp_counters *palp_servo_counters(const palp_servo *servo);

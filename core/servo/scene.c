@@ -1,0 +1,354 @@
+/* SPDX-License-Identifier: MIT */
+#include "core/servo/scene.h"
+#include "core/base/arena.h"
+
+#define NS_PER_S 1e9f
+
+struct palp_scene {
+    palp_body body[PALP_SCENE_BODIES];
+    palp_hand *hand;        /* [hands] */
+    palp_tool *tool;        /* [tools] */
+    palp_scene_tool *mount; /* [tools] */
+    palp_hand_spring spring[PALP_CONTACT_TOOLS];
+    palp_body_felt felt[PALP_SCENE_BODIES][PALP_CONTACT_TOOLS];
+    palp_hand_report hand_report[PALP_SCENE_HANDS];
+    palp_body_report body_report[PALP_SCENE_BODIES];
+    palp_scene_drive drive[PALP_SCENE_DRIVES];
+    float value[PALP_SCENE_BODIES][PALP_MAX_JOINTS]; /* of multizone models */
+    palp_frame root[PALP_SCENE_BODIES];
+    uint32_t bodies, tools, hands, drives;
+    palp_port port;
+    float dt_s, bound_ns;
+    uint64_t ticks;
+};
+
+PALP_STATIC_ASSERT(sizeof(palp_scene) <= PALP_SCENE_OBJECT, "PALP_SCENE_OBJECT");
+
+/* ---- opening ---- */
+
+static bool counts_are_sound(const palp_scene_config *c) {
+    return c->bodies >= 1u && c->bodies <= PALP_SCENE_BODIES && c->tools >= 1u &&
+           c->tools <= PALP_CONTACT_TOOLS && c->hands >= 1u && c->hands <= PALP_SCENE_HANDS &&
+           c->drives <= PALP_SCENE_DRIVES;
+}
+
+static palp_scene *lay_out(palp_arena *arena, const palp_scene_config *c,
+                           void *body[PALP_SCENE_BODIES], size_t bytes[PALP_SCENE_BODIES]) {
+    const palp_tool plain = {.shape = PALP_TOOL_OF_BALLS};
+    palp_scene *s = palp_take(arena, 1, sizeof *s);
+    palp_hand *hand = palp_take(arena, c->hands, sizeof *hand);
+    palp_tool *tool = palp_take(arena, c->tools, sizeof *tool);
+    palp_scene_tool *mount = palp_take(arena, c->tools, sizeof *mount);
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        bytes[b] = palp_body_memsize(&c->body[b], &plain, c->tools);
+        if (bytes[b] == 0u) arena->used = SIZE_MAX;
+        body[b] = palp_take(arena, bytes[b], 1);
+    }
+    if (s == NULL) return NULL;
+    *s = (palp_scene){.hand = hand, .tool = tool, .mount = mount};
+    return s;
+}
+
+size_t palp_scene_memsize(const palp_scene_config *config) {
+    palp_arena arena = {0};
+    void *body[PALP_SCENE_BODIES];
+    size_t bytes[PALP_SCENE_BODIES];
+    if (!counts_are_sound(config)) return 0;
+    (void)lay_out(&arena, config, body, bytes);
+    return arena.used == SIZE_MAX ? 0 : arena.used;
+}
+
+static bool drive_is_sound(const palp_scene_config *c, const palp_scene_drive *d) {
+    if (d->body >= c->bodies || d->hand >= c->hands || !palp_is_finite(d->offset) ||
+        !palp_is_finite(d->scale) || c->body[d->body].kind != PALP_BODY_ZONES)
+        return false;
+    return d->axis < palp_axes(&c->hand[d->hand].device.kinematics) &&
+           d->joint < c->body[d->body].assembly->zones->meta->joints;
+}
+
+static palp_status check(const palp_scene_config *c) {
+    if (!counts_are_sound(c) || !palp_cost_table_is_sound(&c->cost) || c->port.now_ns == NULL)
+        return PALP_ERR_ARGUMENT;
+    for (uint32_t b = 0; b < c->bodies; b++) {
+        const palp_body_config *body = &c->body[b];
+        if (body->kind == PALP_BODY_ELASTIC && body->blob->regular.modes == 0u)
+            return PALP_ERR_ABSENT;
+        if (body->finest >= PALP_CONTACT_LEVELS) return PALP_ERR_LIMITS;
+    }
+    bool sound = true;
+    for (uint32_t h = 0; h < c->hands; h++)
+        sound = sound && palp_hand_config_is_sound(&c->hand[h]) &&
+                palp_same_bits(c->hand[h].device.drives.rate_hz, c->hand[0].device.drives.rate_hz);
+    for (uint32_t t = 0; t < c->tools; t++)
+        sound = sound && palp_tool_is_sound(&c->tool[t].tool) && c->tool[t].hand < c->hands &&
+                palp_is_rotation(c->tool[t].at.r) && palp_vec3_is_finite(c->tool[t].at.t) &&
+                palp_abs(c->tool[t].jaw) <= 1.0f;
+    for (uint32_t d = 0; d < c->drives && sound; d++) sound = drive_is_sound(c, &c->drive[d]);
+    return sound ? PALP_OK : PALP_ERR_ARGUMENT;
+}
+
+static uint32_t tools_of(const palp_scene_config *c, uint32_t hand) {
+    uint32_t count = 0;
+    for (uint32_t t = 0; t < c->tools; t++) count += c->tool[t].hand == hand ? 1u : 0u;
+    return count;
+}
+
+/* Hands, tools, and the springs between them: those of one device share what it renders. */
+static void set_up(palp_scene *s, const palp_scene_config *c) {
+    s->bodies = c->bodies;
+    s->tools = c->tools;
+    s->hands = c->hands;
+    s->drives = c->drives;
+    s->port = c->port;
+    s->dt_s = 1.0f / c->hand[0].device.drives.rate_hz;
+    for (uint32_t h = 0; h < c->hands; h++) palp_hand_init(&s->hand[h], &c->hand[h]);
+    for (uint32_t d = 0; d < c->drives; d++) s->drive[d] = c->drive[d];
+    for (uint32_t b = 0; b < c->bodies; b++) s->root[b] = PALP_FRAME_IDENTITY;
+    for (uint32_t t = 0; t < c->tools; t++) {
+        const uint32_t hand = c->tool[t].hand;
+        const float share = 1.0f / (float)(tools_of(c, hand) * c->bodies);
+        const palp_hand_spring k = palp_hand_spring_of(&c->hand[hand]);
+        s->mount[t] = c->tool[t];
+        s->tool[t] = c->tool[t].tool;
+        s->spring[t] = (palp_hand_spring){share * k.N_per_m, share * k.Ns_per_m,
+                                          share * k.Nm_per_rad, share * k.Nms_per_rad};
+    }
+}
+
+/* Opens all bodies with what comes before and after each: at first as if each were alone, to know what
+ * it takes at least. */
+static palp_status open_bodies(palp_scene *s, const palp_scene_config *c,
+                               void *memory[PALP_SCENE_BODIES],
+                               const size_t bytes[PALP_SCENE_BODIES], float *bound_ns) {
+    const palp_prices ns = palp_prices_of(&c->cost);
+    const float first_ns = (float)c->hands * palp_servo_cost_before(&ns);
+    const float last_ns = (float)c->hands * palp_servo_cost_after(&ns);
+    float least_ns[PALP_SCENE_BODIES] = {0.0f}, all_ns = 0.0f;
+    s->bound_ns = first_ns + last_ns;
+    for (uint32_t pass = 0; pass < 2u; pass++) {
+        float earlier_ns = 0.0f;
+        for (uint32_t b = 0; b < c->bodies; b++) {
+            const float later_ns = palp_max(all_ns - earlier_ns - least_ns[b], 0.0f);
+            const palp_body_room room = {.tools = s->tool,
+                                         .tool_count = c->tools,
+                                         .spring = s->spring,
+                                         .cost = c->cost,
+                                         .port = c->port,
+                                         .dt_s = s->dt_s,
+                                         .before_ns = first_ns + earlier_ns,
+                                         .after_ns = last_ns + (pass == 0u ? 0.0f : later_ns)};
+            const palp_status status =
+                palp_body_init(&s->body[b], &c->body[b], &room, memory[b], bytes[b], bound_ns);
+            if (status != PALP_OK) return status;
+            if (pass == 1u) {
+                earlier_ns += least_ns[b];
+                s->bound_ns += s->body[b].most_ns;
+                continue;
+            }
+            least_ns[b] = s->body[b].least_ns;
+            all_ns += least_ns[b];
+        }
+    }
+    return PALP_OK;
+}
+
+palp_status palp_scene_open(palp_scene **scene, const palp_scene_config *config, void *memory,
+                            size_t bytes, float *bound_ns) {
+    palp_arena arena = {.base = memory};
+    void *body[PALP_SCENE_BODIES];
+    size_t part[PALP_SCENE_BODIES];
+    palp_status status = check(config);
+    if (status != PALP_OK) return status;
+    const size_t need = palp_scene_memsize(config);
+    if (need == 0u) return PALP_ERR_ARGUMENT;
+    status = palp_check_block(memory, bytes, need);
+    if (status != PALP_OK) return status;
+    palp_scene *s = lay_out(&arena, config, body, part);
+    set_up(s, config);
+    status = open_bodies(s, config, body, part, bound_ns);
+    if (status == PALP_OK) *scene = s;
+    return status;
+}
+
+const palp_counters *palp_scene_counters(const palp_scene *scene, uint32_t hand) {
+    return &scene->hand[hand].counters;
+}
+
+palp_drive_trouble palp_scene_trouble(const palp_scene *scene, uint32_t hand, uint32_t axis) {
+    const palp_hand *h = &scene->hand[hand];
+    if (axis >= h->axes.count) return (palp_drive_trouble){.kind = PALP_TROUBLE_NONE};
+    return palp_drive_trouble_of(&h->axes.drive[axis], &h->config.device.drives);
+}
+
+const palp_body *palp_scene_body(const palp_scene *scene, uint32_t body) {
+    return &scene->body[body];
+}
+const palp_hand *palp_scene_hand(const palp_scene *scene, uint32_t hand) {
+    return &scene->hand[hand];
+}
+
+/* ---- the tick ---- */
+
+void palp_scene_pose(palp_scene *s, uint32_t body, const float *value, const palp_frame *root) {
+    if (s->body[body].config.kind != PALP_BODY_ZONES) return;
+    const uint32_t joints = s->body[body].config.assembly->zones->meta->joints;
+    for (uint32_t j = 0; j < joints; j++) s->value[body][j] = value[j];
+    s->root[body] = *root;
+}
+
+/* Joints that follow axes, and the configuration of each multizone model. */
+static void pose_zones(palp_scene *s) {
+    for (uint32_t d = 0; d < s->drives; d++) {
+        const palp_scene_drive *of = &s->drive[d];
+        const palp_hand *h = &s->hand[of->hand];
+        if (h->feels)
+            s->value[of->body][of->joint] =
+                of->offset + of->scale * h->axes.joint[of->axis].believed_rad;
+    }
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        if (s->body[b].config.kind == PALP_BODY_ZONES)
+            palp_answer_pose(s->body[b].answer, s->value[b], &s->root[b]);
+    }
+}
+
+/* How far a tool lies from the tip that carries it, along the tip's y. */
+static float jaw_offset(const palp_scene_tool *m, const palp_hand_place *tip) {
+    return m->jaw * tip->opening_m;
+}
+
+/* Whether all hands that feel have just entered RUN: then nothing goes on from before. */
+static bool begins_anew(palp_scene *s) {
+    bool any = false, others = false;
+    for (uint32_t h = 0; h < s->hands; h++) {
+        any = any || (s->hand[h].feels && s->hand[h].entered);
+        others = others || (s->hand[h].feels && !s->hand[h].entered);
+    }
+    for (uint32_t b = 0; b < s->bodies && any && !others; b++) palp_body_reset(&s->body[b]);
+    return any && !others;
+}
+
+/* Where tools are, by the tips that carry them. */
+static void place_tools(const palp_scene *s, const palp_hand_place *tip, bool anew,
+                        palp_body_tool tool[PALP_CONTACT_TOOLS]) {
+    for (uint32_t t = 0; t < s->tools; t++) {
+        const palp_scene_tool *m = &s->mount[t];
+        const palp_hand *h = &s->hand[m->hand];
+        const palp_hand_place *p = &tip[m->hand];
+        palp_frame on_tip = m->at;
+        on_tip.t.y += jaw_offset(m, p);
+        tool[t] = (palp_body_tool){.at = palp_frame_compose(&p->at, &on_tip),
+                                   .turning_rad_s = p->turning_rad_s,
+                                   .present = h->feels && (anew || !h->entered)};
+        const palp_vec3 arm = palp_sub(tool[t].at.t, p->at.t);
+        tool[t].velocity_m_s = palp_add(p->velocity_m_s, palp_cross(p->turning_rad_s, arm));
+    }
+}
+
+/* Nobody feels it. */
+static void rest(const palp_body *b, palp_body_report *r) {
+    *r = (palp_body_report){.level = b->answer->contact.now, .limit = b->answer->limit};
+}
+
+/* What a hand feels of all bodies by all of its tools, about its tip. */
+static palp_hand_felt gather(const palp_scene *s, uint32_t hand, const palp_hand_place *tip,
+                             const palp_body_tool *tool) {
+    palp_hand_felt sum = {.opens_N = 0.0f};
+    const palp_vec3 y = {tip->at.r[1], tip->at.r[4], tip->at.r[7]};
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        bool touches = false;
+        for (uint32_t t = 0; t < s->tools; t++) {
+            const palp_body_felt *f = &s->felt[b][t];
+            if (s->mount[t].hand != hand || !tool[t].present) continue;
+            const palp_vec3 arm = palp_sub(tool[t].at.t, tip->at.t);
+            const palp_vec3 moment =
+                palp_add(f->wrench.moment_Nm, palp_cross(arm, f->wrench.force_N));
+            sum.wrench.force_N = palp_add(sum.wrench.force_N, f->wrench.force_N);
+            sum.wrench.moment_Nm = palp_add(sum.wrench.moment_Nm, moment);
+            sum.opens_N += s->mount[t].jaw * palp_dot(f->wrench.force_N, y);
+            sum.stored_J += f->held_J;
+            sum.damped_W += f->damped_W;
+            touches = touches || f->touching;
+        }
+        if (touches) sum.stored_J += s->body_report[b].stored_J;
+    }
+    return sum;
+}
+
+/* A body between hands hands on what one puts in: a guard whose hand was given more than it had put in
+ * takes it from the books of the others. */
+static void share_energy(palp_scene *s) {
+    for (uint32_t h = 0; h < s->hands; h++) {
+        for (uint32_t o = 0; o < s->hands; o++) {
+            if (o != h && s->hand[h].feels && s->hand[o].feels)
+                palp_passivity_take_from(&s->hand[h].output.passivity,
+                                         &s->hand[o].output.passivity);
+        }
+    }
+}
+
+static void count(palp_scene *s, palp_scene_report *r) {
+    const float period_ns = NS_PER_S * s->dt_s;
+    uint64_t coarsened = 0, refined = 0, held = 0;
+    bool shortened = false, feels = false;
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        const palp_answer *a = s->body[b].answer;
+        shortened = shortened || s->body_report[b].shortened;
+        if (a == NULL) continue;
+        coarsened += a->coarsened;
+        refined += a->refined;
+        held += a->held;
+    }
+    for (uint32_t h = 0; h < s->hands; h++) feels = feels || s->hand[h].feels;
+    for (uint32_t h = 0; h < s->hands; h++) {
+        palp_counters *c = &s->hand[h].counters;
+        c->ticks = s->ticks;
+        c->coarsened = coarsened;
+        c->refined = refined;
+        c->held = held;
+        if (feels && shortened) c->shortened++;
+        if (r->elapsed_ns > period_ns) c->overruns++;
+    }
+}
+
+void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
+                     palp_can_frame out[][PALP_SERVO_FRAMES_OUT], uint32_t *sent,
+                     palp_scene_report *report) {
+    const uint64_t start_ns = s->port.now_ns(s->port.context);
+    palp_hand_place tip[PALP_SCENE_HANDS];
+    palp_body_tool tool[PALP_CONTACT_TOOLS];
+    bool feels = false;
+    *report = (palp_scene_report){.tick = s->ticks++,
+                                  .bound_ns = s->bound_ns,
+                                  .hand = s->hand_report,
+                                  .body = s->body_report};
+    for (uint32_t h = 0; h < s->hands; h++) {
+        s->hand_report[h] = (palp_hand_report){.faults = 0};
+        palp_hand_begin(&s->hand[h], &input[h], &s->hand_report[h]);
+        tip[h] = palp_hand_tip(&s->hand[h]);
+        feels = feels || s->hand[h].feels;
+    }
+    if (s->hands > 1u) share_energy(s);
+    const bool anew = begins_anew(s);
+    place_tools(s, tip, anew, tool);
+    if (feels) pose_zones(s);
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        report->felt[b] = s->felt[b];
+        /* a body that moves does so by itself */
+        if (feels || s->body[b].dynamic != NULL)
+            palp_body_tick(&s->body[b], start_ns, tool, s->felt[b], &s->body_report[b]);
+        else
+            rest(&s->body[b], &s->body_report[b]);
+    }
+    for (uint32_t h = 0; h < s->hands; h++) {
+        palp_hand_felt felt = {.opens_N = 0.0f};
+        if (s->hand[h].feels) felt = gather(s, h, &tip[h], tool);
+        sent[h] =
+            palp_hand_end(&s->hand[h], &felt, &input[h], report->tick, out[h], &s->hand_report[h]);
+    }
+    report->elapsed_ns = (float)(s->port.now_ns(s->port.context) - start_ns);
+    count(s, report);
+}
+
+void palp_scene_spare(palp_scene *scene) {
+    for (uint32_t b = 0; b < scene->bodies; b++) palp_body_spare(&scene->body[b]);
+}

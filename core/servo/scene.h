@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A scene at the devices: bodies of any engine, tools, and the hands that hold them, answered in one
+ * bounded tick.
+ *
+ * Bodies lie in the scene's coordinates. Each tool belongs to one device: at its tip, at a place of
+ * its own, or on a jaw of its grip. A tool feels each body by a spring of its own, so what it feels of
+ * all of them adds up, and several bodies, tools and hands need not know of each other; together the
+ * springs of a device are as stiff as it renders. Hands that feel one body feel each other through it,
+ * and what one puts in another may take out: the guards share what their hands have put in.
+ *
+ * The bodies answer one after the other. Each keeps back what those after it need at least, so an early
+ * one may use what a late one does not.
+ *
+ * Order of calls: palp_scene_open; then once a period palp_scene_pose for each multizone model that is
+ * moved by the caller, palp_scene_tick, and in time left over palp_scene_spare.
+ */
+#ifndef PALP_SERVO_SCENE_H
+#define PALP_SERVO_SCENE_H
+
+#include "core/contact/loads.h"
+#include "core/servo/body.h"
+
+#define PALP_SCENE_BODIES 4u
+#define PALP_SCENE_HANDS 4u
+
+/* A tool on a device. */
+typedef struct {
+    palp_tool tool; /* as palp_tool_is_sound, in the scene's lengths */
+    uint32_t hand;
+    palp_frame at; /* on the tip; a rotation */
+    float jaw; /* share of the opening of a grip by which it lies along the tip's y: -0.5 and 0.5 of
+                      two jaws; 0: it does not follow the grip */
+} palp_scene_tool;
+
+/* A joint of a multizone model that follows an axis of a device: value = offset + scale q. */
+typedef struct {
+    uint32_t body, joint, hand, axis;
+    float offset, scale;
+} palp_scene_drive;
+#define PALP_SCENE_DRIVES 8u
+
+/* Pointers are kept, but for these arrays. */
+typedef struct {
+    const palp_body_config *body;  /* [bodies], 1 to PALP_SCENE_BODIES */
+    const palp_scene_tool *tool;   /* [tools], 1 to PALP_CONTACT_TOOLS */
+    const palp_hand_config *hand;  /* [hands], 1 to PALP_SCENE_HANDS; all at the same rate */
+    const palp_scene_drive *drive; /* [drives], up to PALP_SCENE_DRIVES; NULL if none */
+    uint32_t bodies, tools, hands, drives;
+    palp_cost_table cost; /* of the processor that ticks: palp calibrate measures it */
+    palp_port port;       /* its clock is read at most once for each step of a tick */
+} palp_scene_config;
+
+/* What came out of a tick. Pointers hold until the next. */
+typedef struct {
+    uint64_t tick;
+    float bound_ns, elapsed_ns;                    /* all that the levels allow; by the clock */
+    const palp_hand_report *hand;                  /* [hands] */
+    const palp_body_report *body;                  /* [bodies] */
+    const palp_body_felt *felt[PALP_SCENE_BODIES]; /* [tools], of each body */
+} palp_scene_report;
+
+typedef struct palp_scene palp_scene;
+
+/* What a scene takes besides its hands, tools and bodies, at most. */
+#define PALP_SCENE_OBJECT 14336u
+
+/* Bytes for a scene; 0 if its counts or a body are out of range. */
+size_t palp_scene_memsize(const palp_scene_config *config);
+
+/*
+ * Opens a scene in `memory`, which is then the scene. Errors: ABSENT (a blob has no regular part: bake
+ * it again), LIMITS (a level of contact), ARGUMENT (anything else out of its range), MEMORY, ALIGNMENT,
+ * and BUDGET when the coarsest answers do not fit the period: *bound_ns (may be NULL) then says how
+ * much time they need.
+ */
+palp_status palp_scene_open(palp_scene **scene, const palp_scene_config *config, void *memory,
+                            size_t bytes, float *bound_ns);
+
+/* Joint values and the place of zone 0 of a multizone model, for the next tick; those that follow an
+ * axis are taken from there. Does nothing for another body. */
+void palp_scene_pose(palp_scene *scene, uint32_t body, const float *value, const palp_frame *root);
+
+/*
+ * One tick, once a period: input[hands] in, at most PALP_SERVO_FRAMES_OUT frames for each device to
+ * out[hand], their number to sent[hands]; to be sent at once and in this order. Cost: at most
+ * report->bound_ns, for up to PALP_SERVO_FRAMES_IN frames of each device.
+ */
+void palp_scene_tick(palp_scene *scene, const palp_tick_input *input,
+                     palp_can_frame out[][PALP_SERVO_FRAMES_OUT], uint32_t *sent,
+                     palp_scene_report *report);
+
+void palp_scene_spare(palp_scene *scene);
+
+/* Totals since the scene was opened, of one hand; ticks, overruns and levels are those of the scene.
+ * The pointer holds as long as the scene. Constant time. */
+const palp_counters *palp_scene_counters(const palp_scene *scene, uint32_t hand);
+
+/* What keeps the drive of an axis from working; NONE for an axis that is not there. Constant time,
+ * outside the bound of a tick. */
+palp_drive_trouble palp_scene_trouble(const palp_scene *scene, uint32_t hand, uint32_t axis);
+
+/* A body and a hand of the scene, to look at; the finest level of contact that always fits. */
+const palp_body *palp_scene_body(const palp_scene *scene, uint32_t body);
+const palp_hand *palp_scene_hand(const palp_scene *scene, uint32_t hand);
+
+#endif
