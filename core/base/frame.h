@@ -56,8 +56,7 @@ void palp_turn_by(palp_vec3 turn_rad, const float r[9], float out[9]);
 
 /* A frame at rest in a place. */
 static inline palp_frame palp_frame_at(palp_vec3 t) {
-    palp_frame f = PALP_FRAME_IDENTITY;
-    f.t = t;
+    palp_frame f = {{1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f}, t};
     return f;
 }
 

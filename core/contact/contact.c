@@ -14,7 +14,7 @@
 #define FAR 0.1f
 #define PAIR_SIZE 2.0f    /* of zones that touch, in place of a tool's: edges */
 #define LARGEST_TURN 1.0f /* rad, of a tool on its spring */
-#define CROWDED 0.92f     /* share of the room for points from which fewer are asked for */
+#define CROWDED 0.85f     /* share of the room for points from which fewer are asked for */
 #define FOLLOWS 0.05f     /* share of a change in a tick */
 #define BLOCK_CHANGES 6u  /* iterations that change many points at once; then one at a time */
 
@@ -70,9 +70,12 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
  * would need CROWDED of it with so many. It follows slowly, since a step of the spacing is felt, and
  * back by the same way, since what is stored depends on it. */
 static float crowd_of(const palp_contact *c) {
+    const bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
+    /* of flat zones that meet, points come and go by whole rows: their number says nothing ahead */
+    if (c->pairs) return full ? palp_max(0.9f * c->crowd, 0.2f) : palp_min(1.002f * c->crowd, 1.0f);
     const float used = palp_max((float)c->most_active / (float)c->level.contacts,
                                 (float)c->count / (float)c->level.points);
-    if ((c->flags & PALP_CONTACT_FULL) != 0u) return palp_max(0.9f * c->crowd, 0.2f);
+    if (full) return palp_max(0.9f * c->crowd, 0.2f);
     const float wanted = palp_min(CROWDED * c->crowd / palp_max(used, CROWDED * c->crowd), 1.0f);
     return palp_clamp(c->crowd + FOLLOWS * (wanted - c->crowd), 0.2f, 1.0f);
 }

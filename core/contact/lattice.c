@@ -49,7 +49,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     palp_lattice_filling a;
     l->placed = false;
     l->watched = 0;
-    if (r->other.surface == NULL) l->first_axis = (palp_vec3){0};
+    l->first_axis = (palp_vec3){0};
     l->at.back_m = 0.0f;
     l->went = (palp_vec3){0};
     l->grew = 0.0f;
@@ -92,7 +92,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
 }
 
 void palp_lattice_aim(palp_lattice *l, palp_vec3 axis, palp_vec3 aim_m) {
-    *l = (palp_lattice){.placed = false};
+    *l = (palp_lattice){.carried = true};
     palp_lattice_set_axis(l, axis);
     l->at.origin_m = aim_m;
 }

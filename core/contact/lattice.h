@@ -101,6 +101,7 @@ typedef struct {
     palp_lattice_state at;               /* where the next filling will be */
     palp_lattice_state used;             /* of the points of this tick */
     palp_vec3 first_axis, first_tangent; /* of the touch, which the tangents follow */
+    bool carried;                        /* they follow from tick to tick instead: between zones */
     palp_vec3 went; /* how axis or origin changed in the last filling, over the spacing */
     float grew;     /* and the spacing, less 1 */
     bool placed;

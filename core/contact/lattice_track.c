@@ -27,7 +27,7 @@ void palp_lattice_set_axis(palp_lattice *l, palp_vec3 axis) {
     float length = palp_norm(axis);
     if (!(length > 1e-20f)) return;
     l->at.axis = palp_scale(1.0f / length, axis);
-    const bool begun = palp_dot(l->first_axis, l->first_axis) > 0.0f;
+    const bool begun = !l->carried && palp_dot(l->first_axis, l->first_axis) > 0.0f;
     if (!begun || palp_dot(l->first_axis, l->at.axis) < FARTHEST) {
         const palp_vec3 x = {1.0f, 0.0f, 0.0f}, y = {0.0f, 1.0f, 0.0f};
         palp_vec3 t =
