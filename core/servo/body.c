@@ -68,12 +68,7 @@ static palp_status init_answer(palp_body *b, const palp_body_room *room, void *m
     const palp_status status = palp_answer_init(b->answer, &c, memory, bytes, bound_ns);
     if (status != PALP_OK) return status;
     for (uint32_t t = 0; t < b->tool_count; t++) {
-        palp_coupling_tool *k = &b->answer->coupling.tool[t];
-        k->stiffness_N_per_m = room->spring[t].N_per_m;
-        k->damping_Ns_per_m = room->spring[t].Ns_per_m;
-        k->stiffness_Nm_per_rad = room->spring[t].Nm_per_rad;
-        k->damping_Nms_per_rad = room->spring[t].Nms_per_rad;
-        k->measured = true;
+        b->answer->coupling.tool[t].measured = true;
     }
     b->least_ns = b->answer->least_ns[0] - room->before_ns - room->after_ns;
     b->most_ns = palp_answer_cost_full(&b->answer->bound, b->answer->limit);
@@ -140,6 +135,14 @@ static palp_body_felt outward(const palp_body *b, palp_wrench w, const palp_fram
         .tool = palp_frame_compose(at, tool)};
 }
 
+/* A part of the spring between a tool and its device. */
+static void scale_spring(palp_coupling_tool *k, const palp_hand_spring *spring, float part) {
+    k->stiffness_N_per_m = part * spring->N_per_m;
+    k->damping_Ns_per_m = part * spring->Ns_per_m;
+    k->stiffness_Nm_per_rad = part * spring->Nm_per_rad;
+    k->damping_Nms_per_rad = part * spring->Nms_per_rad;
+}
+
 static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *tool,
                         palp_body_felt *felt, palp_body_report *report) {
     palp_frame device[PALP_CONTACT_TOOLS];
@@ -148,7 +151,8 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
     palp_answer *answer = b->answer;
     for (uint32_t t = 0; t < b->tool_count; t++) {
         palp_coupling_tool *k = &answer->coupling.tool[t];
-        k->absent = !tool[t].present;
+        k->absent = !(tool[t].part > 0.0f);
+        scale_spring(k, &b->spring[t], k->absent ? 1.0f : tool[t].part);
         k->velocity_m_s = palp_rotate_back(b->config.at.r, tool[t].velocity_m_s);
         k->velocity_rad_s = palp_rotate_back(b->config.at.r, tool[t].turning_rad_s);
         device[t] = into(b, &tool[t].at);
@@ -190,25 +194,27 @@ static void dynamic_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *
     palp_dynamic *d = b->dynamic;
     palp_frame at[PALP_CONTACT_TOOLS];
     palp_wrench on[PALP_CONTACT_TOOLS];
+    float spring[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < b->tool_count; t++) {
         const palp_frame device = into(b, &tool[t].at);
         const palp_vec3 none = {0.0f, 0.0f, 0.0f};
+        const bool present = tool[t].part > 0.0f;
+        spring[t] = tool[t].part * b->spring[t].N_per_m;
         at[t] = palp_frame_at((palp_vec3){1e3f, 1e3f, 1e3f});
-        if (tool[t].present)
+        if (present)
             at[t] =
                 palp_proxy_move(&b->proxy[t], &device, b->present[t] ? d->on_tool[t].force_N : none,
-                                b->spring[t].N_per_m, b->dt_s);
+                                spring[t], b->dt_s);
         else
             b->proxy[t].placed = false;
-        if (tool[t].present != b->present[t]) palp_impose_place(&d->impose, t, &at[t]);
-        b->present[t] = tool[t].present;
+        if (present != b->present[t]) palp_impose_place(&d->impose, t, &at[t]);
+        b->present[t] = present;
     }
     *report = (palp_body_report){.limit = d->config.tets->meta->levels - 1u};
     palp_dynamic_tick(d, start_ns, at, on, &report->dynamic);
     for (uint32_t t = 0; t < b->tool_count; t++) {
         float held_J;
-        palp_wrench w = {palp_proxy_force(&b->proxy[t], b->spring[t].N_per_m, &held_J),
-                         on[t].moment_Nm};
+        palp_wrench w = {palp_proxy_force(&b->proxy[t], spring[t], &held_J), on[t].moment_Nm};
         if (!b->proxy[t].touching) w.moment_Nm = w.force_N;
         felt[t] = outward(b, w, &at[t]);
         felt[t].held_J = held_J;

@@ -40,7 +40,7 @@ typedef struct {
 typedef struct {
     palp_frame at; /* where its device holds it */
     palp_vec3 velocity_m_s, turning_rad_s;
-    bool present; /* else it touches nothing */
+    float part; /* of its spring: 0 touches nothing, 1 is all there */
 } palp_body_tool;
 
 /* What a tool feels of a body, about its reference point, in the scene. */

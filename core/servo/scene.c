@@ -16,6 +16,9 @@ struct palp_scene {
     palp_scene_drive drive[PALP_SCENE_DRIVES];
     float value[PALP_SCENE_BODIES][PALP_MAX_JOINTS]; /* of multizone models */
     palp_frame root[PALP_SCENE_BODIES];
+    float part[PALP_SCENE_HANDS];   /* of the springs of its tools */
+    bool leaving[PALP_SCENE_HANDS]; /* fades, tools where they were */
+    palp_frame last[PALP_CONTACT_TOOLS];
     uint32_t bodies, tools, hands, drives;
     palp_port port;
     float dt_s, bound_ns;
@@ -149,6 +152,7 @@ static palp_status open_bodies(palp_scene *s, const palp_scene_config *c,
             all_ns += least_ns[b];
         }
     }
+    s->bound_ns = palp_min(s->bound_ns, c->cost.margin * NS_PER_S * s->dt_s);
     return PALP_OK;
 }
 
@@ -227,18 +231,41 @@ static bool begins_anew(palp_scene *s) {
     return any && !others;
 }
 
+/* Whether nobody else is on the bodies. */
+static bool is_alone(const palp_scene *s, uint32_t hand) {
+    for (uint32_t o = 0; o < s->hands; o++) {
+        if (o != hand && (s->part[o] > 0.0f || s->hand[o].feels)) return false;
+    }
+    return true;
+}
+
+/* How much of each device's springs there is. */
+static void fade(palp_scene *s, bool anew) {
+    const float step = s->dt_s / PALP_SCENE_FADE_S;
+    for (uint32_t h = 0; h < s->hands; h++) {
+        const palp_hand *hand = &s->hand[h];
+        float *part = &s->part[h];
+        if (hand->feels && (anew || !hand->entered) && !s->leaving[h])
+            *part =
+                anew || (!(*part > 0.0f) && is_alone(s, h)) ? 1.0f : palp_min(*part + step, 1.0f);
+        else
+            *part = is_alone(s, h) ? 0.0f : palp_max(*part - step, 0.0f);
+        s->leaving[h] = *part > 0.0f && (s->leaving[h] || !hand->feels || (hand->entered && !anew));
+    }
+}
+
 /* Where tools are, by the tips that carry them. */
-static void place_tools(const palp_scene *s, const palp_hand_place *tip, bool anew,
+static void place_tools(palp_scene *s, const palp_hand_place *tip,
                         palp_body_tool tool[PALP_CONTACT_TOOLS]) {
     for (uint32_t t = 0; t < s->tools; t++) {
         const palp_scene_tool *m = &s->mount[t];
-        const palp_hand *h = &s->hand[m->hand];
         const palp_hand_place *p = &tip[m->hand];
         palp_frame on_tip = m->at;
         on_tip.t.y += jaw_offset(m, p);
-        tool[t] = (palp_body_tool){.at = palp_frame_compose(&p->at, &on_tip),
-                                   .turning_rad_s = p->turning_rad_s,
-                                   .present = h->feels && (anew || !h->entered)};
+        tool[t] = (palp_body_tool){.at = s->last[t], .part = s->part[m->hand]};
+        if (s->leaving[m->hand]) continue;
+        tool[t].at = s->last[t] = palp_frame_compose(&p->at, &on_tip);
+        tool[t].turning_rad_s = p->turning_rad_s;
         const palp_vec3 arm = palp_sub(tool[t].at.t, p->at.t);
         tool[t].velocity_m_s = palp_add(p->velocity_m_s, palp_cross(p->turning_rad_s, arm));
     }
@@ -258,7 +285,7 @@ static palp_hand_felt gather(const palp_scene *s, uint32_t hand, const palp_hand
         bool touches = false;
         for (uint32_t t = 0; t < s->tools; t++) {
             const palp_body_felt *f = &s->felt[b][t];
-            if (s->mount[t].hand != hand || !tool[t].present) continue;
+            if (s->mount[t].hand != hand || !(tool[t].part > 0.0f)) continue;
             const palp_vec3 arm = palp_sub(tool[t].at.t, tip->at.t);
             const palp_vec3 moment =
                 palp_add(f->wrench.moment_Nm, palp_cross(arm, f->wrench.force_N));
@@ -328,8 +355,8 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
         feels = feels || s->hand[h].feels;
     }
     if (s->hands > 1u) share_energy(s);
-    const bool anew = begins_anew(s);
-    place_tools(s, tip, anew, tool);
+    fade(s, begins_anew(s));
+    place_tools(s, tip, tool);
     if (feels) pose_zones(s);
     for (uint32_t b = 0; b < s->bodies; b++) {
         report->felt[b] = s->felt[b];

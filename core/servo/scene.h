@@ -9,6 +9,9 @@
  * springs of a device are as stiff as it renders. Hands that feel one body feel each other through it,
  * and what one puts in another may take out: the guards share what their hands have put in.
  *
+ * Where others feel on, a device that begins or ends to feel does so over PALP_SCENE_FADE_S: its tools'
+ * springs grow from nothing, or, held where they were, fade.
+ *
  * The bodies answer one after the other. Each keeps back what those after it need at least, so an early
  * one may use what a late one does not.
  *
@@ -23,6 +26,7 @@
 
 #define PALP_SCENE_BODIES 4u
 #define PALP_SCENE_HANDS 4u
+#define PALP_SCENE_FADE_S 0.2f
 
 /* A tool on a device. */
 typedef struct {
@@ -54,7 +58,8 @@ typedef struct {
 /* What came out of a tick. Pointers hold until the next. */
 typedef struct {
     uint64_t tick;
-    float bound_ns, elapsed_ns;                    /* all that the levels allow; by the clock */
+    float bound_ns, elapsed_ns; /* all that the levels allow, within the share of the period; by the
+                                   clock */
     const palp_hand_report *hand;                  /* [hands] */
     const palp_body_report *body;                  /* [bodies] */
     const palp_body_felt *felt[PALP_SCENE_BODIES]; /* [tools], of each body */

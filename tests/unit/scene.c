@@ -1,0 +1,269 @@
+/* SPDX-License-Identifier: MIT */
+/* Scenes at the devices: several hands, tools and bodies of all engines in one tick. What a hand feels
+ * through a body is what the contact alone gives at the same places; none gives energy away. */
+#include "port/host/parallel.h"
+#include "port/host/util.h"
+#include "sim/bus.h"
+#include "tests/models.h"
+#include "tests/tap.h"
+#include <string.h>
+
+#define HANDS 2
+#define RADIUS 0.02f /* of the ball that is touched, m */
+#define TIP 0.005f   /* of the tools, m */
+
+static baked ball;
+
+typedef struct {
+    palp_scene *scene;
+    void *memory;
+    sim_bus bus[HANDS];
+    device_file file[HANDS];
+    palp_scene_config config;
+    palp_hand_config hand[HANDS];
+    palp_scene_report report;
+    uint32_t more_events[HANDS];
+    uint64_t now_ns;
+    double most_ns;    /* that any tick may take, over the period */
+    float last_N[HANDS][3], step_N[HANDS], largest_N[HANDS], least_J;
+    bool out; /* of a hand's limits, or not finite */
+} stage;
+
+static uint64_t clock_of(void *context) { return *(uint64_t *)context += 100; }
+
+/* A device whose coordinates lie in the scene's turned about z. */
+static void seat(stage *s, uint32_t h, const char *device, float rate_hz, palp_vec3 origin,
+                 float turn_rad) {
+    const float c = cosf(turn_rad), si = sinf(turn_rad);
+    s->file[h] = device_load(device);
+    s->file[h].device.drives.rate_hz = rate_hz;
+    s->hand[h] = (palp_hand_config){
+        .device = s->file[h].device,
+        .placement = {.origin_m = origin, .rotation = {c, -si, 0, si, c, 0, 0, 0, 1}, .scale = 1}};
+}
+
+/* The hand's keys, in the coordinates of its device. */
+static void lead(stage *s, uint32_t h, const hand_key *key, const hand_turn *turn, uint32_t count) {
+    hand *of = &s->bus[h].script;
+    *of = (hand){.count = count,
+                 .key = allocate(count, sizeof *key),
+                 .turn = turn != NULL ? allocate(count, sizeof *turn) : NULL,
+                 .stiffness_N_per_m = 800,
+                 .damping_Ns_per_m = 10,
+                 .stiffness_Nm_per_rad = 0.5,
+                 .damping_Nms_per_rad = 0.005,
+                 .tremor_m = 2e-5};
+    memcpy(of->key, key, count * sizeof *key);
+    if (turn != NULL) memcpy(of->turn, turn, count * sizeof *turn);
+    hand_pose at;
+    hand_target(of, 0, &at);
+    sim_device_init(&s->bus[h].device, &s->file[h], &at);
+}
+
+static palp_status try_open(stage *s, float *bound_ns) {
+    s->config.hand = s->hand;
+    s->config.cost = (palp_cost_table){
+        .target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f};
+    s->config.port = (palp_port){.now_ns = clock_of, .context = &s->now_ns};
+    const size_t bytes = palp_scene_memsize(&s->config);
+    s->memory = allocate_aligned(bytes > 0 ? bytes : PALP_ALIGN, 1);
+    return palp_scene_open(&s->scene, &s->config, s->memory, bytes, bound_ns);
+}
+
+static void start(stage *s) {
+    float bound_ns = 0;
+    const palp_status status = try_open(s, &bound_ns);
+    if (status != PALP_OK)
+        die(EXIT_WORK, "the scene does not open: status %d, %g ns", (int)status, (double)bound_ns);
+    for (uint32_t h = 0; h < s->config.hands; h++)
+        sim_bus_init(&s->bus[h], &s->file[h], hand_load("touch"), (fault_list){.seed = h + 1});
+}
+
+static void stop(stage *s) {
+    for (uint32_t h = 0; h < s->config.hands; h++) {
+        free(s->bus[h].script.key);
+        free(s->bus[h].script.turn);
+    }
+    free(s->memory);
+}
+
+static void watch(stage *s, uint32_t h) {
+    const palp_hand_report *r = &s->report.hand[h];
+    const float now[3] = {r->force_N.x, r->force_N.y, r->force_N.z};
+    float step = 0;
+    for (int k = 0; k < 3; k++) {
+        step += (now[k] - s->last_N[h][k]) * (now[k] - s->last_N[h][k]);
+        s->last_N[h][k] = now[k];
+    }
+    s->step_N[h] = fmaxf(s->step_N[h], sqrtf(step));
+    s->largest_N[h] = fmaxf(s->largest_N[h], palp_norm(r->force_N));
+    s->least_J = fminf(s->least_J, r->absorbed_J);
+    s->out = s->out || !palp_vec3_is_finite(r->force_N) || !palp_vec3_is_finite(r->moment_Nm) ||
+             palp_norm(r->force_N) > s->file[h].device.force_max_N * 1.0001f;
+}
+
+static void tick(stage *s) {
+    palp_can_frame in[HANDS][64], out[HANDS][PALP_SERVO_FRAMES_OUT];
+    palp_tick_input input[HANDS];
+    uint32_t sent[HANDS];
+    const double dt = 1 / (double)s->file[0].device.drives.rate_hz;
+    for (uint32_t h = 0; h < s->config.hands; h++) {
+        uint32_t events = 0;
+        const uint32_t n = sim_bus_pass(&s->bus[h], dt, in[h], 64, &events);
+        input[h] = (palp_tick_input){
+            .frames = in[h], .count = n, .events = events | s->more_events[h]};
+        s->more_events[h] = 0;
+    }
+    palp_scene_tick(s->scene, input, out, sent, &s->report);
+    s->most_ns = fmax(s->most_ns, (double)s->report.bound_ns / (1e9 * dt));
+    for (uint32_t h = 0; h < s->config.hands; h++) {
+        for (uint32_t i = 0; i < sent[h]; i++)
+            if (!sim_bus_send(&s->bus[h], &out[h][i])) s->more_events[h] |= PALP_EVENT_BUS_FULL;
+        watch(s, h);
+    }
+}
+
+static void run(stage *s, double seconds) {
+    const double end = s->bus[0].time_s + seconds;
+    while (s->bus[0].time_s < end) tick(s);
+}
+
+/* The largest step of a hand's force from here on. */
+static void forget_steps(stage *s) {
+    for (uint32_t h = 0; h < HANDS; h++) s->step_N[h] = 0;
+}
+
+static palp_body_config elastic(const palp_blob *blob, palp_frame at) {
+    return (palp_body_config){
+        .kind = PALP_BODY_ELASTIC, .at = at, .blob = blob, .finest = PALP_CONTACT_FINEST};
+}
+
+/* ---- two hands on one body ---- */
+
+/* Both come from their device's -x: hand 0 to the ball's -x side, hand 1, turned by 180 degrees, to
+ * its +x side. */
+static const hand_key press_ball[] = {
+    {0, {-0.010, 0, 0}}, {1, {-0.010, 0, 0}}, {2, {0.004, 0, 0}}, {60, {0.004, 0, 0}}};
+
+static void seat_two(stage *s, const palp_body_config *body, palp_scene_tool tool[HANDS]) {
+    seat(s, 0, "arm3-palp-fd", 1000, (palp_vec3){-RADIUS - TIP, 0, 0}, 0);
+    seat(s, 1, "arm3-palp-fd", 1000, (palp_vec3){RADIUS + TIP, 0, 0}, 3.14159265f);
+    for (uint32_t t = 0; t < HANDS; t++)
+        tool[t] = (palp_scene_tool){
+            .tool = palp_tool_sphere(TIP), .hand = t, .at = PALP_FRAME_IDENTITY};
+    s->config.body = body;
+    s->config.tool = tool;
+    s->config.bodies = 1;
+    s->config.tools = s->config.hands = HANDS;
+}
+
+/* What the contact alone answers to tools held where the scene's were, by the same springs. */
+static void alone(const stage *s, palp_vec3 force_N[HANDS]) {
+    const palp_body *b = palp_scene_body(s->scene, 0);
+    palp_contact_config config = {.blob = &ball.blob,
+                                  .tools = b->answer->contact.tools,
+                                  .tool_count = HANDS,
+                                  .finest = PALP_CONTACT_FINEST};
+    const size_t bytes = palp_contact_memsize(&config);
+    void *memory = allocate_aligned(bytes, 1);
+    palp_contact contact;
+    palp_frame at[HANDS];
+    palp_contact_spring spring[HANDS];
+    if (palp_contact_init(&contact, &config, memory, bytes) != PALP_OK) die(EXIT_WORK, "contact");
+    for (uint32_t t = 0; t < HANDS; t++) {
+        at[t] = s->report.felt[0][t].tool;
+        spring[t] = (palp_contact_spring){.held = palp_frame_at(at[t].t)};
+    }
+    for (int i = 0; i < 60; i++) palp_contact_solve(&contact, at, spring);
+    for (uint32_t t = 0; t < HANDS; t++) force_N[t] = contact.force_N[t];
+    free(memory);
+}
+
+static void test_two_hands(void) {
+    const palp_body_config body = elastic(&ball.blob, PALP_FRAME_IDENTITY);
+    palp_scene_tool tool[HANDS];
+    stage s = {.now_ns = 0};
+    palp_vec3 expected[HANDS];
+    seat_two(&s, &body, tool);
+    start(&s);
+    lead(&s, 0, press_ball, NULL, 4);
+    lead(&s, 1, press_ball, NULL, 4);
+    run(&s, 4);
+    alone(&s, expected);
+    for (uint32_t h = 0; h < HANDS; h++) {
+        const palp_vec3 felt = s.report.felt[0][h].wrench.force_N;
+        CHECK(s.report.hand[h].state == PALP_STATE_RUN && palp_norm(felt) > 0.2f,
+              "hand %u presses with %.3f N, feels (%.3f, %.3f, %.3f) N", h,
+              (double)palp_norm(felt), (double)s.report.hand[h].force_N.x,
+              (double)s.report.hand[h].force_N.y, (double)s.report.hand[h].force_N.z);
+        AT_MOST(palp_norm(palp_sub(felt, expected[h])) / palp_norm(felt), 0.02,
+                "off the contact alone, tools held where they came to rest");
+    }
+    /* one hand is stopped: the other goes on */
+    const double before = (double)s.report.felt[0][0].wrench.force_N.x;
+    const palp_vec3 rests = s.report.felt[0][0].tool.t;
+    forget_steps(&s);
+    s.more_events[1] = PALP_EVENT_ESTOP;
+    run(&s, 0.5);
+    CHECK(s.report.hand[1].state != PALP_STATE_RUN && s.report.hand[0].state == PALP_STATE_RUN,
+          "one is stopped, the other feels on");
+    AT_MOST(s.step_N[0] / s.largest_N[0], 0.03, "largest step of its force meanwhile");
+    CHECK(!s.report.felt[0][1].touching, "what is stopped presses on nothing");
+    CHECK(fabs((double)s.report.felt[0][0].wrench.force_N.x) < fabs(before) &&
+              s.report.felt[0][0].tool.t.x >= rests.x,
+          "the body gives way to the other: %.4f N for %.4f N",
+          (double)s.report.felt[0][0].wrench.force_N.x, before);
+    forget_steps(&s);
+    s.more_events[1] = PALP_EVENT_RESET;
+    run(&s, 2);
+    CHECK(s.report.hand[1].state == PALP_STATE_RUN && s.report.felt[0][1].touching,
+          "it is reset, and feels again");
+    AT_MOST(s.step_N[0] / s.largest_N[0], 0.03, "largest step of the other's force meanwhile");
+    AT_MOST(s.step_N[1] / s.largest_N[1], 0.1, "and of its own");
+    CHECK(!s.out, "forces within the devices' limits");
+    AT_MOST(s.most_ns, 0.8001, "bound of a tick over the period");
+    stop(&s);
+}
+
+/* Hands that press and let go against each other: what the body takes from one the other may get. */
+static void test_through_the_body(void) {
+    static const hand_key still[] = {
+        {0, {-0.010, 0, 0}}, {1, {-0.010, 0, 0}}, {2, {0.003, 0, 0}}, {60, {0.003, 0, 0}}};
+    const palp_body_config body = elastic(&ball.blob, PALP_FRAME_IDENTITY);
+    hand_key moved[40];
+    palp_scene_tool tool[HANDS];
+    stage s = {.now_ns = 0};
+    seat_two(&s, &body, tool);
+    start(&s);
+    for (uint32_t k = 0; k < 40; k++)
+        moved[k] = (hand_key){2 + 0.25 * k, {k % 2 == 0 ? -0.004 : 0.006, 0.002 * sin(k), 0}};
+    lead(&s, 0, still, NULL, 4);
+    lead(&s, 1, moved, NULL, 40);
+    double given = 0, low = 1e9, high = 0;
+    for (int i = 0; i < 12000; i++) {
+        tick(&s);
+        for (uint32_t h = 0; h < HANDS; h++)
+            given = fmax(given, (double)s.report.hand[h].given_J);
+        if (i < 3000) continue;
+        low = fmin(low, (double)palp_norm(s.report.hand[0].force_N));
+        high = fmax(high, (double)palp_norm(s.report.hand[0].force_N));
+    }
+    CHECK(high > low && low > 0, "a hand that holds still feels the other: %.4f to %.4f N", low,
+          high);
+    AT_MOST(given, 2e-6, "energy given to any of them, J");
+    CHECK(palp_scene_counters(s.scene, 0)->overruns == 0 &&
+              palp_scene_counters(s.scene, 1)->overruns == 0,
+          "no tick is late");
+    stop(&s);
+}
+
+int main(void) {
+    progress_quiet(1);
+    mesh m = model_sphere(2);
+    for (uint32_t v = 0; v < m.vertices; v++)
+        for (int k = 0; k < 3; k++) m.x[v][k] *= (double)RADIUS;
+    ball = model_bake_young(m, -0.6 * (double)RADIUS, 4e4);
+    test_two_hands();
+    test_through_the_body();
+    return tap_done();
+}
