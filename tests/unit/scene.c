@@ -12,7 +12,9 @@
 #define RADIUS 0.02f /* of the ball that is touched, m */
 #define TIP 0.005f   /* of the tools, m */
 
-static baked ball;
+#define EDGE 0.016 /* of the bar that a grip holds, m */
+
+static baked ball, bar;
 
 typedef struct {
     palp_scene *scene;
@@ -24,7 +26,7 @@ typedef struct {
     palp_scene_report report;
     uint32_t more_events[HANDS];
     uint64_t now_ns;
-    double most_ns;    /* that any tick may take, over the period */
+    double most_ns; /* that any tick may take, over the period */
     float last_N[HANDS][3], step_N[HANDS], largest_N[HANDS], least_J;
     bool out; /* of a hand's limits, or not finite */
 } stage;
@@ -110,8 +112,8 @@ static void tick(stage *s) {
     for (uint32_t h = 0; h < s->config.hands; h++) {
         uint32_t events = 0;
         const uint32_t n = sim_bus_pass(&s->bus[h], dt, in[h], 64, &events);
-        input[h] = (palp_tick_input){
-            .frames = in[h], .count = n, .events = events | s->more_events[h]};
+        input[h] =
+            (palp_tick_input){.frames = in[h], .count = n, .events = events | s->more_events[h]};
         s->more_events[h] = 0;
     }
     palp_scene_tick(s->scene, input, out, sent, &s->report);
@@ -149,8 +151,8 @@ static void seat_two(stage *s, const palp_body_config *body, palp_scene_tool too
     seat(s, 0, "arm3-palp-fd", 1000, (palp_vec3){-RADIUS - TIP, 0, 0}, 0);
     seat(s, 1, "arm3-palp-fd", 1000, (palp_vec3){RADIUS + TIP, 0, 0}, 3.14159265f);
     for (uint32_t t = 0; t < HANDS; t++)
-        tool[t] = (palp_scene_tool){
-            .tool = palp_tool_sphere(TIP), .hand = t, .at = PALP_FRAME_IDENTITY};
+        tool[t] =
+            (palp_scene_tool){.tool = palp_tool_sphere(TIP), .hand = t, .at = PALP_FRAME_IDENTITY};
     s->config.body = body;
     s->config.tool = tool;
     s->config.bodies = 1;
@@ -193,9 +195,9 @@ static void test_two_hands(void) {
     for (uint32_t h = 0; h < HANDS; h++) {
         const palp_vec3 felt = s.report.felt[0][h].wrench.force_N;
         CHECK(s.report.hand[h].state == PALP_STATE_RUN && palp_norm(felt) > 0.2f,
-              "hand %u presses with %.3f N, feels (%.3f, %.3f, %.3f) N", h,
-              (double)palp_norm(felt), (double)s.report.hand[h].force_N.x,
-              (double)s.report.hand[h].force_N.y, (double)s.report.hand[h].force_N.z);
+              "hand %u presses with %.3f N, feels (%.3f, %.3f, %.3f) N", h, (double)palp_norm(felt),
+              (double)s.report.hand[h].force_N.x, (double)s.report.hand[h].force_N.y,
+              (double)s.report.hand[h].force_N.z);
         AT_MOST(palp_norm(palp_sub(felt, expected[h])) / palp_norm(felt), 0.02,
                 "off the contact alone, tools held where they came to rest");
     }
@@ -242,8 +244,7 @@ static void test_through_the_body(void) {
     double given = 0, low = 1e9, high = 0;
     for (int i = 0; i < 12000; i++) {
         tick(&s);
-        for (uint32_t h = 0; h < HANDS; h++)
-            given = fmax(given, (double)s.report.hand[h].given_J);
+        for (uint32_t h = 0; h < HANDS; h++) given = fmax(given, (double)s.report.hand[h].given_J);
         if (i < 3000) continue;
         low = fmin(low, (double)palp_norm(s.report.hand[0].force_N));
         high = fmax(high, (double)palp_norm(s.report.hand[0].force_N));
@@ -257,13 +258,77 @@ static void test_through_the_body(void) {
     stop(&s);
 }
 
-int main(void) {
-    progress_quiet(1);
+/* ---- a grip ---- */
+
+/* Two jaws close on a bar and pull along it, until both slip: friction holds twice mu N. */
+static void test_grip(void) {
+    static const hand_key key[] = {
+        {0, {0, 0, 0}}, {1, {0, 0, 0}}, {2, {0, 0, 0}}, {3, {0, 0, 0}}, {9, {0, 0, 0.008}}};
+    static const hand_turn turn[] = {
+        {{0}, 1.45}, {{0}, 1.45}, {{0}, 1.26}, {{0}, 1.26}, {{0}, 1.26}};
+    const double mu = 0.4;
+    const palp_frame at =
+        palp_frame_at((palp_vec3){-0.5f * (float)EDGE, -0.5f * (float)EDGE, -1.5f * (float)EDGE});
+    const palp_body_config body = elastic(&bar.blob, at);
+    palp_scene_tool tool[2];
+    stage s = {.now_ns = 0};
+    seat(&s, 0, "arm7-palp-fd", 500, (palp_vec3){0, 0, 0}, 0);
+    for (uint32_t t = 0; t < 2; t++) {
+        tool[t] = (palp_scene_tool){
+            .tool = palp_tool_sphere(TIP), .at = PALP_FRAME_IDENTITY, .jaw = t == 0 ? -0.5f : 0.5f};
+        tool[t].tool.friction = (float)mu;
+    }
+    s.config.body = &body;
+    s.config.tool = tool;
+    s.config.bodies = s.config.hands = 1;
+    s.config.tools = 2;
+    start(&s);
+    lead(&s, 0, key, turn, 5);
+    const palp_kinematics *k = &s.file[0].device.kinematics;
+    const uint32_t grip = palp_grip_axis(k);
+    double beyond = 0, pull = 0, slips = 0, squeeze = 0, torque = 0;
+    for (int i = 0; i < 4800; i++) {
+        tick(&s);
+        const palp_body_felt *f = s.report.felt[0];
+        const palp_hand_report *r = &s.report.hand[0];
+        const double n = 0.5 * (double)(f[1].wrench.force_N.y - f[0].wrench.force_N.y);
+        const double along = -(double)(f[0].wrench.force_N.z + f[1].wrench.force_N.z);
+        const double motor =
+            (double)(r->motor_torque_Nm[grip] * s.file[0].device.gear[grip]);
+        squeeze = fmax(squeeze, n);
+        const palp_coupling_tool *c = palp_scene_body(s.scene, 0)->answer->coupling.tool;
+        const double holds = -(double)(c[0].friction.force_N.z + c[1].friction.force_N.z);
+        if (n > 0.02) beyond = fmax(beyond, holds / (2 * mu * n) - 1);
+        if (i > 1200 && i < 1500)
+            torque = fmax(torque, fabs(motor / (n * (double)k->grip_m_per_rad) - 1));
+        if (!f[0].slipping || !f[1].slipping || n < 0.02 || i < 1500) continue;
+        slips++;
+        pull = fmax(pull, fabs(along / (2 * mu * n) - 1));
+    }
+    CHECK(squeeze > 0.02 && slips > 100, "two jaws squeeze with %.3f N each and slip for %g ticks",
+          squeeze, slips);
+    AT_MOST(beyond, 0.03, "friction of both beyond twice mu N, the tips being curved");
+    AT_MOST(pull, 0.03, "pull off it while both slip");
+    AT_MOST(torque, 0.01,
+            "the grip's motor: torque off the squeeze times what it opens by per rad");
+    stop(&s);
+}
+
+static baked bake_ball(float radius_m) {
     mesh m = model_sphere(2);
     for (uint32_t v = 0; v < m.vertices; v++)
-        for (int k = 0; k < 3; k++) m.x[v][k] *= (double)RADIUS;
-    ball = model_bake_young(m, -0.6 * (double)RADIUS, 4e4);
+        for (int k = 0; k < 3; k++) m.x[v][k] *= (double)radius_m;
+    return model_bake_young(m, -0.6 * (double)radius_m, 4e4);
+}
+
+int main(void) {
+    progress_quiet(1);
+    ball = bake_ball(RADIUS);
+    static const int column[3][3] = {{0, 0, 0}, {0, 0, 1}, {0, 0, 2}};
+    uint32_t *cell;
+    bar = model_bake_young(model_voxels(column, 3, EDGE, 4, &cell), 1e-6, 4e4);
     test_two_hands();
     test_through_the_body();
+    test_grip();
     return tap_done();
 }
