@@ -259,10 +259,10 @@ static void choose_radius(const baking *b, const tool_options *o, tool_report *r
 
 /* Radius of the largest ball inside, as the samples see it. */
 static double largest_ball(const baking *b, double radius_m) {
-    double most = 0;
+    int lowest = 0;
     for (size_t i = 0; i < samples_of(&b->grid); i++)
-        most = fmax(most, -(double)b->field.unit_m * b->sample[i]);
-    return fmax(most, 0.5 * b->grid.step) + radius_m;
+        lowest = b->sample[i] < lowest ? b->sample[i] : lowest;
+    return fmax(-(double)b->field.unit_m * lowest, 0.5 * b->grid.step) + radius_m;
 }
 
 uint8_t *tool_bake(const mesh *m, const tool_options *o, const uint8_t sha[32], tool_report *r,
