@@ -26,7 +26,8 @@ typedef struct {
     palp_scene_report report;
     uint32_t more_events[HANDS];
     uint64_t now_ns;
-    double most_ns; /* that any tick may take, over the period */
+    float ns_per_instruction; /* 0: 0.5 */
+    double most_ns;           /* that any tick may take, over the period */
     float last_N[HANDS][3], step_N[HANDS], largest_N[HANDS], least_J;
     bool out; /* of a hand's limits, or not finite */
 } stage;
@@ -64,8 +65,10 @@ static void lead(stage *s, uint32_t h, const hand_key *key, const hand_turn *tur
 
 static palp_status try_open(stage *s, float *bound_ns) {
     s->config.hand = s->hand;
-    s->config.cost = (palp_cost_table){
-        .target = &palp_target_counted, .ns_per_instruction = 0.5f, .margin = 0.8f};
+    s->config.cost = (palp_cost_table){.target = &palp_target_counted,
+                                       .ns_per_instruction =
+                                           s->ns_per_instruction > 0 ? s->ns_per_instruction : 0.5f,
+                                       .margin = 0.8f};
     s->config.port = (palp_port){.now_ns = clock_of, .context = &s->now_ns};
     const size_t bytes = palp_scene_memsize(&s->config);
     s->memory = allocate_aligned(bytes > 0 ? bytes : PALP_ALIGN, 1);
@@ -293,8 +296,7 @@ static void test_grip(void) {
         const palp_hand_report *r = &s.report.hand[0];
         const double n = 0.5 * (double)(f[1].wrench.force_N.y - f[0].wrench.force_N.y);
         const double along = -(double)(f[0].wrench.force_N.z + f[1].wrench.force_N.z);
-        const double motor =
-            (double)(r->motor_torque_Nm[grip] * s.file[0].device.gear[grip]);
+        const double motor = (double)(r->motor_torque_Nm[grip] * s.file[0].device.gear[grip]);
         squeeze = fmax(squeeze, n);
         const palp_coupling_tool *c = palp_scene_body(s.scene, 0)->answer->coupling.tool;
         const double holds = -(double)(c[0].friction.force_N.z + c[1].friction.force_N.z);
@@ -314,6 +316,129 @@ static void test_grip(void) {
     stop(&s);
 }
 
+/* ---- all engines ---- */
+
+/* Hand 0 on the ball; hand 1 with one tool on a block that moves and one on a model of two zones, whose
+ * joint follows the first axis of hand 0. */
+static void test_engines(void) {
+    static const double block_m[3] = {0.03, 0.03, 0.03};
+    static const uint32_t parts[2][3] = {{2, 2, 2}, {4, 4, 4}};
+    tetmesh level[2];
+    for (int l = 0; l < 2; l++) level[l] = tetmesh_block(block_m, parts[l], false);
+    const dynamic_body block = model_dynamic_body(level, 2, 1e-6, 1e4, 0.4, 1e-3);
+    const mesh box = model_box(0.06, 4);
+    const zoned arm =
+        model_zones(&box,
+                    "young 3e4\npoisson 0.4\nzone a\nfix-below x 1e-6\nzone b\n"
+                    "fix-above x 0.0599\ncut a b 0.03 0 0 1 0 0\njoint j revolute a b\n"
+                    "axis 0 1 0\norigin 0.03 0 0\nlimits -1 1\n",
+                    0.05);
+    const palp_body_config body[3] = {
+        elastic(&ball.blob, PALP_FRAME_IDENTITY),
+        {.kind = PALP_BODY_DYNAMIC,
+         .at = palp_frame_at((palp_vec3){0.1f, -0.015f, -0.015f}),
+         .tets = &block.tets,
+         .material = palp_material_of(1e4f, 0.4f, 1000.0f, 1e-3f, 6.0f),
+         .adapt = palp_adapt_defaults(&block.tets),
+         .max_points = 64,
+         .most_class = PALP_STEP_CLASSES - 1},
+        {.kind = PALP_BODY_ZONES,
+         .at = {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {0.13f, 0.065f, -0.03f}},
+         .assembly = model_assembly(arm.zones, 2),
+         .finest = PALP_CONTACT_FINEST}};
+    const palp_scene_drive drive = {.body = 2, .hand = 0, .axis = 0, .offset = 0.1f, .scale = 0.5f};
+    const palp_frame beside = palp_frame_at((palp_vec3){0, -0.08f, 0});
+    const palp_scene_tool tool[3] = {
+        {.tool = palp_tool_sphere(TIP), .hand = 0, .at = PALP_FRAME_IDENTITY},
+        {.tool = palp_tool_sphere(TIP), .hand = 1, .at = PALP_FRAME_IDENTITY},
+        {.tool = palp_tool_sphere(TIP), .hand = 1, .at = beside}};
+    stage s = {.ns_per_instruction = 0.25f};
+    seat(&s, 0, "arm3-palp-fd", 1000, (palp_vec3){-RADIUS - TIP, 0, 0}, 0);
+    seat(&s, 1, "arm3-palp-fd", 1000, (palp_vec3){0.13f + TIP, 0, 0}, 3.14159265f);
+    s.config = (palp_scene_config){.body = body,
+                                   .tool = tool,
+                                   .drive = &drive,
+                                   .bodies = 3,
+                                   .tools = 3,
+                                   .hands = 2,
+                                   .drives = 1};
+    start(&s);
+    lead(&s, 0, press_ball, NULL, 4);
+    lead(&s, 1, press_ball, NULL, 4);
+    run(&s, 4);
+    const palp_hand_report *r = s.report.hand;
+    const float each[3] = {palp_norm(s.report.felt[0][0].wrench.force_N),
+                           palp_norm(s.report.felt[1][1].wrench.force_N),
+                           palp_norm(s.report.felt[2][2].wrench.force_N)};
+    CHECK(each[0] > 0.05f && each[1] > 0.05f && each[2] > 0.05f,
+          "an elastic body, a moving one and a multizone one press back: %.3f, %.3f, %.3f N",
+          (double)each[0], (double)each[1], (double)each[2]);
+    palp_vec3 sum = {0, 0, 0};
+    for (uint32_t b = 0; b < 3; b++)
+        sum = palp_add(
+            sum, palp_add(s.report.felt[b][1].wrench.force_N, s.report.felt[b][2].wrench.force_N));
+    sum = (palp_vec3){-sum.x, -sum.y, sum.z};
+    AT_MOST(palp_norm(palp_sub(sum, r[1].force_N)) / palp_norm(sum), 0.01,
+            "hand 1 feels what its tools feel of all of them: off by");
+    const palp_assembly *a = body[2].assembly;
+    const float value = 0.1f + 0.5f * r[0].joint_rad[0];
+    AT_MOST(fabsf(a->configuration->value[0] - value), 1e-4,
+            "the joint follows the axis: off by, rad");
+    CHECK(!s.out && palp_scene_counters(s.scene, 0)->overruns == 0, "within limits, and in time");
+    AT_MOST(fmaxf(r[0].given_J, r[1].given_J), 2e-6, "energy given, J");
+    const float moving = s.report.body[1].stored_J;
+    for (uint32_t h = 0; h < 2; h++) s.more_events[h] = PALP_EVENT_ESTOP;
+    run(&s, 3);
+    CHECK(s.report.body[1].stored_J < 0.05f * moving,
+          "let go, the one that moves goes back: %.2g J of %.2g J left",
+          (double)s.report.body[1].stored_J, (double)moving);
+    stop(&s);
+}
+
+/* ---- for long ---- */
+
+/* Two devices with two tips each, as fast as they are let; hours with FULL. */
+static void test_long(void) {
+    const palp_body_config body = elastic(&ball.blob, PALP_FRAME_IDENTITY);
+    const palp_frame up = palp_frame_at((palp_vec3){0, 0, 0.012f});
+    hand_key key[2][64];
+    palp_scene_tool tool[4];
+    stage s = {.now_ns = 0};
+    uint64_t seed = 77;
+    const uint32_t ticks = tap_full() ? 1000000 : 100000;
+    seat_two(&s, &body, tool);
+    tool[2] = tool[0];
+    tool[3] = tool[1];
+    tool[2].at = tool[3].at = up;
+    s.config.tools = 4;
+    start(&s);
+    for (int h = 0; h < 2; h++) {
+        for (int k = 0; k < 64; k++)
+            key[h][k] = (hand_key){2 + (double)ticks / 64000 * k,
+                                   {0.001 + 0.005 * tap_random(&seed), 0.008 * tap_random(&seed),
+                                    0.008 * tap_random(&seed)}};
+        key[h][0] = (hand_key){0, {-0.01, 0, 0}};
+        lead(&s, (uint32_t)h, key[h], NULL, 64);
+    }
+    double given = 0;
+    uint32_t most = 0, outside = 0;
+    for (uint32_t i = 0; i < ticks; i++) {
+        tick(&s);
+        for (uint32_t h = 0; h < 2; h++) {
+            given = fmax(given, (double)s.report.hand[h].given_J);
+            outside += s.report.hand[h].state != PALP_STATE_RUN ? 1 : 0;
+        }
+        most = s.report.body[0].active > most ? s.report.body[0].active : most;
+    }
+    CHECK(most > 20, "%u ticks of two devices with four tips: %u points in contact", ticks, most);
+    AT_MOST(outside, 200, "ticks outside RUN, those of the start among them");
+    CHECK(palp_scene_counters(s.scene, 0)->overruns == 0, "none is late");
+    AT_MOST(s.most_ns, 0.8001, "bound of a tick over the period");
+    AT_MOST(given, 2e-5, "energy given to any hand, J");
+    CHECK(!s.out, "forces within the devices' limits, and finite");
+    stop(&s);
+}
+
 static baked bake_ball(float radius_m) {
     mesh m = model_sphere(2);
     for (uint32_t v = 0; v < m.vertices; v++)
@@ -330,5 +455,7 @@ int main(void) {
     test_two_hands();
     test_through_the_body();
     test_grip();
+    test_engines();
+    test_long();
     return tap_done();
 }
