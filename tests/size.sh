@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # What the library takes: code, data and the deepest stack of every target that can be built here, and memory that the
-# memsize functions ask for. size.sh [BLOB ...]; exit 1 if there is mutable data, or more than 4 KiB of stack.
+# memsize functions ask for. size.sh [BLOB ...]; exit 1 if there is mutable data, or more stack than PALP_SERVO_STACK.
 BUILD=${BUILD:-build}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -21,8 +21,9 @@ target() { # target NAME COMPILER FLAGS...
     python3 tests/callgraph.py "$work"/o/*.ci > "$work/stack" || failed=1
     sed 's/^/    /' "$work/stack"
     deepest=$(awk 'NR == 2 {print $1}' "$work/stack")
-    [ "$deepest" -le 4096 ] || { echo "    more than 4096 bytes of stack"; failed=1; }
+    [ "$deepest" -le "$most" ] || { echo "    more than $most bytes of stack"; failed=1; }
 }
+most=$(sed -n "s/^#define PALP_SERVO_STACK \([0-9]*\)u/\1/p" core/servo/servo.h)
 of() { sed -n "s/^$1_$2 := *//p" core/targets.mk; } # of PREFIX|FLAGS TARGET
 for t in $(sed -n 's/^TARGETS := //p' core/targets.mk); do target "$t" "$(of PREFIX "$t")gcc" $(of FLAGS "$t"); done
 for blob in "$@"; do

@@ -14,7 +14,7 @@
 #define FAR 0.1f
 #define PAIR_SIZE 2.0f    /* of zones that touch, in place of a tool's: edges */
 #define LARGEST_TURN 1.0f /* rad, of a tool on its spring */
-#define CROWDED 0.85f     /* share of the room for points from which fewer are asked for */
+#define CROWDED 0.9f      /* share of the room for points from which fewer are asked for */
 #define FOLLOWS 0.05f     /* share of a change in a tick */
 #define BLOCK_CHANGES 6u  /* iterations that change many points at once; then one at a time */
 
@@ -80,6 +80,27 @@ static float crowd_of(const palp_contact *c) {
     return palp_clamp(c->crowd + FOLLOWS * (wanted - c->crowd), 0.2f, 1.0f);
 }
 
+/* What each patch had in the last tick, and how much of the points in contact it may have: at least
+ * what the others do not need. So one that comes to touch takes none from one that presses. */
+static void find_shares(palp_contact *c) {
+    uint32_t all = 0;
+    for (uint32_t k = 0; k < c->patches; k++)
+        c->patch[k].points_before = c->patch[k].pressed_before = 0;
+    for (uint32_t i = 0; i < c->count_before; i++) {
+        palp_contact_patch *p = &c->patch[c->before[i].patch];
+        p->points_before++;
+        if (!(c->before[i].force_N > 0.0f)) continue;
+        p->pressed_before++;
+        all++;
+    }
+    for (uint32_t k = 0; k < c->patches; k++) {
+        palp_contact_patch *p = &c->patch[k];
+        const uint32_t others = all - p->pressed_before;
+        const uint32_t rest = c->level.contacts > others ? c->level.contacts - others : 0u;
+        p->most_pressed = rest > p->pressed_before ? rest : p->pressed_before;
+    }
+}
+
 void palp_contact_begin(palp_contact *c, const palp_frame *at, const palp_contact_spring *spring) {
     const float cells = (float)c->level.cells;
     c->crowd = crowd_of(c);
@@ -97,6 +118,7 @@ void palp_contact_begin(palp_contact *c, const palp_frame *at, const palp_contac
         c->spring[t] = spring[t];
     }
     palp_contact_choose_patches(c);
+    find_shares(c);
     c->filling = palp_contact_next(c);
     if (c->filling < c->patches) c->far_share = foreseen_share(c, &c->patch[c->filling]);
     c->forward = 0.0f;
@@ -181,6 +203,16 @@ static uint32_t pair_room(const palp_contact *c) {
     return end < c->level.points ? end : c->level.points;
 }
 
+/* And those of the present tool: what the tools after it had is kept for them, so that one which comes
+ * to touch with many does not take them from one that presses. */
+static uint32_t tool_room(const palp_contact *c) {
+    uint32_t kept = 0;
+    for (uint32_t k = 0; k < c->patches; k++) {
+        if (c->patch[k].used && !c->patch[k].filled) kept += c->patch[k].points_before;
+    }
+    return kept < c->level.points ? c->level.points - kept : 0u;
+}
+
 bool palp_contact_fill(palp_contact *c) {
     if (c->filling >= c->patches) return false;
     palp_contact_patch *patch = &c->patch[c->filling];
@@ -208,7 +240,7 @@ bool palp_contact_fill(palp_contact *c) {
         .share = patch->normal_N > 0.0f ? c->far_share : 1.0f,
         .point = c->point,
         .count = &c->count,
-        .most = pair ? pair_room(c) : c->level.points,
+        .most = pair ? pair_room(c) : tool_room(c),
         .before = c->before,
         .count_before = c->count_before,
         .table = patch->table,
@@ -270,13 +302,15 @@ bool palp_contact_assemble(palp_contact *c) {
 /* Factors g over the points in contact; a point whose pivot vanishes is left out. */
 static void factor_active(palp_contact *c) {
     c->active_count = 0;
+    for (uint32_t k = 0; k < c->patches; k++) c->patch[k].pressed = 0;
     for (uint32_t i = 0; i < c->count; i++) {
         if (!c->point[i].active) continue;
+        palp_contact_patch *of = &c->patch[c->point[i].patch];
         const uint32_t n = c->active_count;
         const float *row = c->g + (size_t)i * c->room;
         for (uint32_t a = 0; a < n; a++) c->scratch[a] = row[c->active[a]];
         c->scratch[n] = row[i];
-        if (n == c->level.contacts) {
+        if (n == c->level.contacts || of->pressed == of->most_pressed) {
             c->point[i].active = false;
             c->point[i].left_out = true;
             c->flags |= PALP_CONTACT_FULL;
@@ -288,6 +322,7 @@ static void factor_active(palp_contact *c) {
             c->flags |= PALP_CONTACT_REDUNDANT;
             continue;
         }
+        of->pressed++;
         c->lambda[n] = c->target[i];
         c->active[c->active_count++] = i;
     }

@@ -116,7 +116,10 @@ typedef struct {
     palp_far_field far_field;       /* by the body as a whole under the forces of the last tick */
     palp_far_field bent;            /* and without them */
     palp_far_field bent_field_used; /* what of lattice.used.far_field is that */
-    float spacing_before;           /* of the lattice in the last tick */
+    uint32_t points_before;         /* in the last tick, */
+    uint32_t pressed_before;        /* and in contact */
+    uint32_t pressed, most_pressed; /* in this one, and as many as there may be */
+    float spacing_before;           /* of the lattice then */
     float normal_N;                 /* sum of lambda */
     palp_vec3 push_N, push_Nm;      /* - sum lambda m and its moment, where the bodies are */
     palp_vec3 beyond_N, beyond_Nm;  /* what the exact ones have beyond them */

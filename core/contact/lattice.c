@@ -87,7 +87,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     }
     l->seeds = 1;
     l->seed[0] = a.deepest;
-    l->placed = true;
+    l->placed = l->fresh = true;
     return true;
 }
 

@@ -105,6 +105,7 @@ typedef struct {
     palp_vec3 went; /* how axis or origin changed in the last filling, over the spacing */
     float grew;     /* and the spacing, less 1 */
     bool placed;
+    bool fresh; /* begun, and wider than the room for points since */
     bool apart; /* its axis follows slowly, between regions */
     uint32_t watched;
     palp_lattice_watch watch[PALP_LATTICE_WATCHED];

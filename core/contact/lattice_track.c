@@ -128,7 +128,8 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
     if (l->at.fixed > 0.0f) /* all of it in contact */
         cell2 += l->at.fixed * (face_m2(r->tool) / (PALP_LATTICE_CELL * r->cells) - cell2);
     float change2 = cell2 * PALP_LATTICE_CELL * weight / cells;
-    if (f->full) change2 = palp_max(change2, 1.3f);
+    if (f->full) change2 = palp_max(change2, l->fresh && r->other.surface == NULL ? 2.25f : 1.3f);
+    l->fresh = l->fresh && f->full;
     float change = palp_sqrt(palp_clamp(change2, 0.25f, 4.0f));
     const float slow = f->regions > 1u ? SLOWER : 1.0f;
     change = 1.0f + slow * damping((change - 1.0f) * l->grew) * (change - 1.0f);

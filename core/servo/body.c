@@ -145,8 +145,7 @@ static void scale_spring(palp_coupling_tool *k, const palp_hand_spring *spring, 
 
 static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *tool,
                         palp_body_felt *felt, palp_body_report *report) {
-    palp_frame device[PALP_CONTACT_TOOLS];
-    palp_coupling_result result[PALP_CONTACT_TOOLS];
+    palp_coupling_result *result = b->result;
     palp_answer_report a;
     palp_answer *answer = b->answer;
     for (uint32_t t = 0; t < b->tool_count; t++) {
@@ -155,9 +154,9 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         scale_spring(k, &b->spring[t], k->absent ? 1.0f : tool[t].part);
         k->velocity_m_s = palp_rotate_back(b->config.at.r, tool[t].velocity_m_s);
         k->velocity_rad_s = palp_rotate_back(b->config.at.r, tool[t].turning_rad_s);
-        device[t] = into(b, &tool[t].at);
+        b->held[t] = into(b, &tool[t].at);
     }
-    palp_answer_tick(answer, start_ns, device, result, &a);
+    palp_answer_tick(answer, start_ns, b->held, result, &a);
     const float stored = answer->contact.energy_J;
     for (uint32_t t = 0; t < b->tool_count; t++) {
         const palp_coupling_tool *k = &answer->coupling.tool[t];

@@ -85,7 +85,9 @@ typedef struct {
     palp_answer *answer;   /* elastic, zones */
     palp_dynamic *dynamic; /* dynamic */
     palp_proxy proxy[PALP_CONTACT_TOOLS];
-    bool present[PALP_CONTACT_TOOLS]; /* in the last tick */
+    bool present[PALP_CONTACT_TOOLS];    /* in the last tick */
+    palp_frame held[PALP_CONTACT_TOOLS]; /* of the tick under way */
+    palp_coupling_result result[PALP_CONTACT_TOOLS];
     float least_ns, most_ns; /* of a tick: what always has to fit; all that its level allows */
 } palp_body;
 

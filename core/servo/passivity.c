@@ -162,10 +162,16 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, co
     return p->gamma * p->sigma;
 }
 
-void palp_passivity_take_from(palp_passivity *p, palp_passivity *other) {
-    const float moved = palp_min(palp_max(-p->energy_J, 0.0f), palp_max(other->energy_J, 0.0f));
-    p->energy_J += moved;
-    other->energy_J -= moved;
+static float above(float a, float b) { return palp_max(a - b, 0.0f); }
+
+void palp_passivity_pass_on(palp_passivity *p, float stored_J, palp_passivity *other,
+                            float other_stored_J) {
+    const float spare =
+        palp_min(above(p->energy_J, stored_J), above(other_stored_J, other->energy_J));
+    const float missing = palp_min(above(0.0f, other->energy_J), above(p->energy_J, 0.0f));
+    const float moved = palp_max(spare, missing);
+    p->energy_J -= moved;
+    other->energy_J += moved;
 }
 
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config) {

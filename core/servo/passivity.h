@@ -102,9 +102,10 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
                            const palp_wrench *wrench, float stored_J, float damped_W, bool steady);
 
-/* Of two hands on one body: what p was given beyond what its hand has put in comes from what the hand
- * of `other` has, as far as that goes. */
-void palp_passivity_take_from(palp_passivity *p, palp_passivity *other);
+/* Of two hands on one body, what that of p has put in and `other` may take out: what is missing in the
+ * other's books, or what is beyond all that p could get back and has room there. Before the share. */
+void palp_passivity_pass_on(palp_passivity *p, float stored_J, palp_passivity *other,
+                            float other_stored_J);
 
 /* Whether the deficit is beyond what is allowed. */
 bool palp_passivity_exceeded(const palp_passivity *p, const palp_passivity_config *config);

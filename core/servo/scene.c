@@ -19,6 +19,11 @@ struct palp_scene {
     float part[PALP_SCENE_HANDS];   /* of the springs of its tools */
     bool leaving[PALP_SCENE_HANDS]; /* fades, tools where they were */
     palp_frame last[PALP_CONTACT_TOOLS];
+    uint32_t touched[PALP_SCENE_HANDS]; /* bodies, bit by bit */
+    /* of the tick under way */
+    palp_hand_place tip[PALP_SCENE_HANDS];
+    palp_body_tool held[PALP_CONTACT_TOOLS];
+    palp_hand_felt sum[PALP_SCENE_HANDS];
     uint32_t bodies, tools, hands, drives;
     palp_port port;
     float dt_s, bound_ns;
@@ -255,11 +260,11 @@ static void fade(palp_scene *s, bool anew) {
 }
 
 /* Where tools are, by the tips that carry them. */
-static void place_tools(palp_scene *s, const palp_hand_place *tip,
-                        palp_body_tool tool[PALP_CONTACT_TOOLS]) {
+static void place_tools(palp_scene *s) {
+    palp_body_tool *tool = s->held;
     for (uint32_t t = 0; t < s->tools; t++) {
         const palp_scene_tool *m = &s->mount[t];
-        const palp_hand_place *p = &tip[m->hand];
+        const palp_hand_place *p = &s->tip[m->hand];
         palp_frame on_tip = m->at;
         on_tip.t.y += jaw_offset(m, p);
         tool[t] = (palp_body_tool){.at = s->last[t], .part = s->part[m->hand]};
@@ -277,9 +282,9 @@ static void rest(const palp_body *b, palp_body_report *r) {
 }
 
 /* What a hand feels of all bodies by all of its tools, about its tip. */
-static palp_hand_felt gather(const palp_scene *s, uint32_t hand, const palp_hand_place *tip,
-                             const palp_body_tool *tool) {
-    palp_hand_felt sum = {.opens_N = 0.0f};
+static void gather(const palp_scene *s, uint32_t hand, palp_hand_felt *sum) {
+    const palp_hand_place *tip = &s->tip[hand];
+    const palp_body_tool *tool = s->held;
     const palp_vec3 y = {tip->at.r[1], tip->at.r[4], tip->at.r[7]};
     for (uint32_t b = 0; b < s->bodies; b++) {
         bool touches = false;
@@ -289,26 +294,43 @@ static palp_hand_felt gather(const palp_scene *s, uint32_t hand, const palp_hand
             const palp_vec3 arm = palp_sub(tool[t].at.t, tip->at.t);
             const palp_vec3 moment =
                 palp_add(f->wrench.moment_Nm, palp_cross(arm, f->wrench.force_N));
-            sum.wrench.force_N = palp_add(sum.wrench.force_N, f->wrench.force_N);
-            sum.wrench.moment_Nm = palp_add(sum.wrench.moment_Nm, moment);
-            sum.opens_N += s->mount[t].jaw * palp_dot(f->wrench.force_N, y);
-            sum.stored_J += f->held_J;
-            sum.damped_W += f->damped_W;
+            sum->wrench.force_N = palp_add(sum->wrench.force_N, f->wrench.force_N);
+            sum->wrench.moment_Nm = palp_add(sum->wrench.moment_Nm, moment);
+            sum->opens_N += s->mount[t].jaw * palp_dot(f->wrench.force_N, y);
+            sum->stored_J += f->held_J;
+            sum->damped_W += f->damped_W;
             touches = touches || f->touching;
         }
-        if (touches) sum.stored_J += s->body_report[b].stored_J;
+        if (touches) sum->stored_J += s->body_report[b].stored_J;
     }
-    return sum;
 }
 
-/* A body between hands hands on what one puts in: a guard whose hand was given more than it had put in
- * takes it from the books of the others. */
+/* Bodies that tools of a hand touch, bit by bit. */
+static uint32_t touched_by(const palp_scene *s, uint32_t hand) {
+    uint32_t bodies = 0;
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        for (uint32_t t = 0; t < s->tools; t++) {
+            if (s->mount[t].hand == hand && s->part[hand] > 0.0f && s->felt[b][t].touching)
+                bodies |= 1u << b;
+        }
+    }
+    return bodies;
+}
+
+/* A body between hands passes on what one puts in: so do their books, of those that touch the same
+ * body, or did a tick ago. */
 static void share_energy(palp_scene *s) {
+    uint32_t touches[PALP_SCENE_HANDS], before[PALP_SCENE_HANDS];
+    for (uint32_t h = 0; h < s->hands; h++) {
+        before[h] = s->touched[h];
+        touches[h] = s->touched[h] = touched_by(s, h);
+    }
     for (uint32_t h = 0; h < s->hands; h++) {
         for (uint32_t o = 0; o < s->hands; o++) {
-            if (o != h && s->hand[h].feels && s->hand[o].feels)
-                palp_passivity_take_from(&s->hand[h].output.passivity,
-                                         &s->hand[o].output.passivity);
+            const bool both = ((touches[h] | before[h]) & (touches[o] | before[o])) != 0u;
+            if (o == h || !both || !s->hand[h].feels || !s->hand[o].feels) continue;
+            palp_passivity_pass_on(&s->hand[h].output.passivity, s->sum[h].stored_J,
+                                   &s->hand[o].output.passivity, s->sum[o].stored_J);
         }
     }
 }
@@ -341,8 +363,6 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
                      palp_can_frame out[][PALP_SERVO_FRAMES_OUT], uint32_t *sent,
                      palp_scene_report *report) {
     const uint64_t start_ns = s->port.now_ns(s->port.context);
-    palp_hand_place tip[PALP_SCENE_HANDS];
-    palp_body_tool tool[PALP_CONTACT_TOOLS];
     bool feels = false;
     *report = (palp_scene_report){.tick = s->ticks++,
                                   .bound_ns = s->bound_ns,
@@ -351,27 +371,28 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
     for (uint32_t h = 0; h < s->hands; h++) {
         s->hand_report[h] = (palp_hand_report){.faults = 0};
         palp_hand_begin(&s->hand[h], &input[h], &s->hand_report[h]);
-        tip[h] = palp_hand_tip(&s->hand[h]);
+        s->tip[h] = palp_hand_tip(&s->hand[h]);
         feels = feels || s->hand[h].feels;
     }
-    if (s->hands > 1u) share_energy(s);
     fade(s, begins_anew(s));
-    place_tools(s, tip, tool);
+    place_tools(s);
     if (feels) pose_zones(s);
     for (uint32_t b = 0; b < s->bodies; b++) {
         report->felt[b] = s->felt[b];
         /* a body that moves does so by itself */
         if (feels || s->body[b].dynamic != NULL)
-            palp_body_tick(&s->body[b], start_ns, tool, s->felt[b], &s->body_report[b]);
+            palp_body_tick(&s->body[b], start_ns, s->held, s->felt[b], &s->body_report[b]);
         else
             rest(&s->body[b], &s->body_report[b]);
     }
     for (uint32_t h = 0; h < s->hands; h++) {
-        palp_hand_felt felt = {.opens_N = 0.0f};
-        if (s->hand[h].feels) felt = gather(s, h, &tip[h], tool);
-        sent[h] =
-            palp_hand_end(&s->hand[h], &felt, &input[h], report->tick, out[h], &s->hand_report[h]);
+        s->sum[h] = (palp_hand_felt){.opens_N = 0.0f};
+        if (s->hand[h].feels) gather(s, h, &s->sum[h]);
     }
+    if (s->hands > 1u) share_energy(s);
+    for (uint32_t h = 0; h < s->hands; h++)
+        sent[h] = palp_hand_end(&s->hand[h], &s->sum[h], &input[h], report->tick, out[h],
+                                &s->hand_report[h]);
     report->elapsed_ns = (float)(s->port.now_ns(s->port.context) - start_ns);
     count(s, report);
 }

@@ -58,21 +58,21 @@ typedef struct {
 
 /* What one hand is told of a tick: of itself, of one body, and of one of its tools there; `scale` of its
  * placement. */
-palp_report palp_report_of(const palp_scene_report *scene, uint32_t hand, uint32_t body,
-                           uint32_t tool, float scale);
+void palp_report_of(const palp_scene_report *scene, uint32_t hand, uint32_t body, uint32_t tool,
+                    float scale, palp_report *report);
 
 typedef struct palp_servo palp_servo;
 
 /* Stack that any call of this library takes at most, besides the port's clock (make size prints
  * what the compilers report). */
-#define PALP_SERVO_STACK 4096u
+#define PALP_SERVO_STACK 6144u
 
 /* Loads that palp_servo_loads makes at most. */
 #define PALP_SERVO_LOADS 192u
 
 /* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
  * regular part or `finest` is no level. */
-#define PALP_SERVO_OBJECT 27648u
+#define PALP_SERVO_OBJECT 30208u
 #define PALP_SERVO_BYTES(finest) (PALP_SERVO_OBJECT + PALP_CONTACT_BYTES(1u, finest))
 size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 

@@ -3,8 +3,7 @@
 set -e
 cat <<'C'
 /* SPDX-License-Identifier: MIT */
-/* Made by tests/wcet/tables.sh from exact instruction counts: see tests/wcet/README.md. Not to be
- * changed by hand. */
+/* Made by tests/wcet/tables.sh from exact instruction counts; what was raised since: tests/wcet/README.md. */
 #include "target.h"
 
 C
