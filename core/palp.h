@@ -11,6 +11,9 @@
  *
  *     one body on a haptic device       palp_blob_open, palp_servo_memsize, palp_servo_open;
  *                                       then palp_servo_tick once a period
+ *     several devices, tools, bodies    open each body's file; palp_scene_memsize, palp_scene_open;
+ *     of any engine                     then once a period palp_scene_pose for models that are moved
+ *                                       by the caller, palp_scene_tick, palp_scene_spare
  *     tools without a device            palp_blob_open, palp_answer_memsize, palp_answer_init;
  *                                       set coupling.tool[t].stiffness_N_per_m (above 0) and
  *                                       damping of each tool; then palp_answer_tick
@@ -65,10 +68,10 @@
  *     surface/  the surface of a body or a zone: its points, and its compliance between them
  *     contact/  tools, contact points that travel with them, contact with its exact gradient,
  *               contact between zones, friction; imposed motion on dynamic bodies
- *     haptic/   virtual coupling
+ *     haptic/   virtual coupling; proxies on dynamic bodies
  *     device/   CAN frames, drive protocols, mechanisms, bus load (stands on base alone)
- *     servo/    cost bounds, bounded-time answer, safety, passivity, output chain, the tick; the
- *               bounded tick of a dynamic body
+ *     servo/    cost bounds, bounded-time answers, safety, passivity, output chain; devices and
+ *               bodies of a scene, its tick
  */
 #ifndef PALP_H
 #define PALP_H
