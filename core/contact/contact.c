@@ -16,6 +16,7 @@
 #define LARGEST_TURN 1.0f /* rad, of a tool on its spring */
 #define CROWDED 0.9f      /* share of the room for points from which fewer are asked for */
 #define FOLLOWS 0.05f     /* share of a change in a tick */
+#define TOGETHER 0.5f     /* share of a change of what several tools have moved, in a tick */
 #define BLOCK_CHANGES 6u  /* iterations that change many points at once; then one at a time */
 
 /* ---- filling ---- */
@@ -373,6 +374,22 @@ static palp_vec3 at_corners(const palp_contact *c, uint32_t side, const palp_sur
     return h;
 }
 
+/* Whether other tools press as well. */
+static bool others_press(const palp_contact *c, const palp_contact_patch *patch) {
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        if (&c->patch[t] != patch && c->normal_N[t] > 0.0f) return patch->tool < c->tool_count;
+    }
+    return false;
+}
+
+/* Of several tools each sees the body where all of them had moved it: where it is thin, each answer would
+ * turn the last one round. Half way there they agree. */
+static void follow_slowly(palp_far_field *f, const palp_far_field *before) {
+    f->mean_m = palp_madd(before->mean_m, TOGETHER, palp_sub(f->mean_m, before->mean_m));
+    for (uint32_t e = 0; e < 9u; e++)
+        f->slope[e] = before->slope[e] + TOGETHER * (f->slope[e] - before->slope[e]);
+}
+
 /* The displacements around a patch's forces: by the modes and seams, and as its body is bent; of
  * one zone against the other. */
 static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t k) {
@@ -396,7 +413,10 @@ static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t 
         palp_far_field_add(&far_field, p->force_N, y, h, p->cell_m);
         palp_far_field_add(&bent, p->force_N, y, b, p->cell_m);
     }
+    const palp_far_field before = patch->far_field;
     patch->far_field = palp_far_field_fit(&far_field, patch->at.t);
+    if (far_field.weight > 0.0f && before.fade > 0.0f && others_press(c, patch))
+        follow_slowly(&patch->far_field, &before);
     const float size = size_of(c, patch);
     if (!(far_field.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
         patch->far_field.fade = 16.0f / (size * size);

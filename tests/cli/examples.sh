@@ -6,7 +6,7 @@ make -s -C "$here" install BUILD="$BUILD" DESTDIR="$work/root" PREFIX=/usr >/dev
 export PKG_CONFIG_PATH=$work/root/usr/lib/pkgconfig PKG_CONFIG_SYSROOT_DIR=$work/root
 if command -v pkg-config >/dev/null; then flags=$(pkg-config --cflags --libs palp); else flags="-Iroot/usr/include/palp -Lroot/usr/lib -lpalp"; fi
 cp "$here"/tools/examples/* .
-for e in sphere two_tools servo; do
+for e in sphere two_tools servo scene; do
     gcc -std=c11 -O2 -Wall -Wextra -Werror $e.c $flags -o $e 2>errors; ok $? "$e builds $(head -3 errors)"
     ./$e body.palp >$e.txt 2>&1; ok $? "$e runs: $(tail -1 $e.txt)"
     undefined=$(nm -u $e | grep -wE 'malloc|calloc|realloc')
