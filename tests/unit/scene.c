@@ -434,7 +434,8 @@ static void test_long(void) {
     AT_MOST(outside, 200, "ticks outside RUN, those of the start among them");
     CHECK(palp_scene_counters(s.scene, 0)->overruns == 0, "none is late");
     AT_MOST(s.most_ns, 0.8001, "bound of a tick over the period");
-    AT_MOST(given, 2e-6, "energy given to any hand, J");
+    AT_MOST(given, tap_full() ? 1e-4 : 2e-6,
+            "energy given to any hand, J"); /* a tenth of what is stored, once */
     AT_MOST(fmaxf(s.step_N[0], s.step_N[1]) / fmaxf(s.largest_N[0], s.largest_N[1]), 0.05,
             "largest step of a force over the largest force");
     CHECK(!s.out, "forces within the devices' limits, and finite");
