@@ -6,16 +6,16 @@
 #define SUBSTEPS 20
 #define FRICTION_SPEED 0.002 /* Coulomb friction is smoothed below this, m/s */
 #define RAD_PER_REV 6.283185307179586
-#define STYLUS_KG_M2 2e-5 /* and of a grip */
+#define STYLUS_KG_M2 2e-5 /* and of a gripper */
 
 /* Joints that put the tip at a place and turn the stylus as it is. */
 static bool joints_at(const sim_device *d, const double x_m[3], float q_rad[PALP_AXES]) {
     const palp_kinematics *k = &d->file->device.kinematics;
-    const uint32_t grip = palp_grip_axis(k);
+    const uint32_t gripper = palp_gripper_axis(k);
     palp_vec3 tip = {(float)x_m[0], (float)x_m[1], (float)x_m[2]};
     if (!palp_inverse(k, tip, q_rad)) return false;
     palp_inverse_wrist(k, d->r, q_rad);
-    if (grip < d->axes) q_rad[grip] = (float)d->grip_rad;
+    if (gripper < d->axes) q_rad[gripper] = (float)d->gripper_rad;
     return true;
 }
 
@@ -32,7 +32,7 @@ static double motor_turns(const sim_device *d, uint32_t i) {
 void sim_device_init(sim_device *d, const device_file *file, const hand_pose *at) {
     const palp_device *p = &file->device;
     *d = (sim_device){
-        .file = file, .axes = palp_axes(&p->kinematics), .grip_rad = at->turn.grip_rad};
+        .file = file, .axes = palp_axes(&p->kinematics), .gripper_rad = at->turn.gripper_rad};
     memcpy(d->x_m, at->x_m, sizeof d->x_m);
     turn_to(at->turn.turn_rad, d->r);
     (void)joints_at(d, d->x_m, d->q_rad);
@@ -113,15 +113,16 @@ static void turn_stylus(sim_device *d, double h, const hand_pose *target, const 
                  d->r, d->r);
 }
 
-static void move_grip(sim_device *d, double h, const hand_pose *target, const hand *by) {
-    const uint32_t grip = palp_grip_axis(&d->file->device.kinematics);
-    if (grip >= d->axes) return;
-    const double motor = torque_of(d, grip);
-    const double push = motor + by->stiffness_Nm_per_rad * (target->turn.grip_rad - d->grip_rad);
-    d->grip_rad_s = (d->grip_rad_s + h * push / STYLUS_KG_M2) /
-                    (1 + h * by->damping_Nms_per_rad / STYLUS_KG_M2);
-    d->grip_rad += h * d->grip_rad_s;
-    d->given_J += h * d->grip_rad_s * motor;
+static void move_gripper(sim_device *d, double h, const hand_pose *target, const hand *by) {
+    const uint32_t gripper = palp_gripper_axis(&d->file->device.kinematics);
+    if (gripper >= d->axes) return;
+    const double motor = torque_of(d, gripper);
+    const double push =
+        motor + by->stiffness_Nm_per_rad * (target->turn.gripper_rad - d->gripper_rad);
+    d->gripper_rad_s = (d->gripper_rad_s + h * push / STYLUS_KG_M2) /
+                       (1 + h * by->damping_Nms_per_rad / STYLUS_KG_M2);
+    d->gripper_rad += h * d->gripper_rad_s;
+    d->given_J += h * d->gripper_rad_s * motor;
 }
 
 void sim_device_move(sim_device *d, double dt_s, const hand_pose *target, const hand *by) {
@@ -148,7 +149,7 @@ void sim_device_move(sim_device *d, double dt_s, const hand_pose *target, const 
         const double own = drag - by->damping_Ns_per_m; /* of the mechanism */
         for (int k = 0; k < 3; k++) d->given_J += h * d->v_m_s[k] * (motor[k] - own * d->v_m_s[k]);
         if (file->device.kinematics.wrist) turn_stylus(d, h, target, by, moment);
-        move_grip(d, h, target, by);
+        move_gripper(d, h, target, by);
         double next[3];
         float q[PALP_AXES] = {0};
         for (int k = 0; k < 3; k++) next[k] = d->x_m[k] + h * d->v_m_s[k];

@@ -14,7 +14,7 @@ typedef struct {
     const device_file *file;
     double x_m[3], v_m_s[3];
     float r[9]; /* of the stylus, */
-    double w_rad_s[3], grip_rad, grip_rad_s;
+    double w_rad_s[3], gripper_rad, gripper_rad_s;
     float q_rad[PALP_AXES];    /* of the last inverse kinematics */
     float zero_rad[PALP_AXES]; /* where the drives read 0 */
     sim_drive drive[PALP_AXES];

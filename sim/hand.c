@@ -30,19 +30,19 @@ static const char touch_script[] = "0.0  0      0      0.020\n"
 /* Returns whether the line says how the tool is turned. */
 static bool add_key(hand *h, size_t *capacity, const char *name, size_t line, const char *text) {
     hand_key k = {.time_s = 0};
-    hand_turn t = {.grip_rad = 0};
+    hand_turn t = {.gripper_rad = 0};
     double *x = k.x_m, *turn = t.turn_rad;
     char rest;
     int n = sscanf(text, "%lf %lf %lf %lf %lf %lf %lf %lf %c", &k.time_s, &x[0], &x[1], &x[2],
-                   &turn[0], &turn[1], &turn[2], &t.grip_rad, &rest);
+                   &turn[0], &turn[1], &turn[2], &t.gripper_rad, &rest);
     if (n != 4 && n != 7 && n != 8)
         die(EXIT_USAGE,
             "%s:%zu: need the four numbers t x y z, or seven with a turn rx ry rz, or eight with a "
-            "grip",
+            "gripper",
             name, line);
     for (int i = 0; i < 3; i++) turn[i] *= RAD_PER_DEGREE;
-    t.grip_rad *= RAD_PER_DEGREE;
-    if (!(fabs(turn[0]) + fabs(turn[1]) + fabs(turn[2]) + fabs(t.grip_rad) < 20))
+    t.gripper_rad *= RAD_PER_DEGREE;
+    if (!(fabs(turn[0]) + fabs(turn[1]) + fabs(turn[2]) + fabs(t.gripper_rad) < 20))
         die(EXIT_USAGE, "%s:%zu: turns are degrees, at most a few hundred", name, line);
     if (h->count > 0 && !(k.time_s > h->key[h->count - 1].time_s)) {
         die(EXIT_USAGE, "%s:%zu: time %g does not grow", name, line, k.time_s);
@@ -101,7 +101,7 @@ static void script_target(const hand *h, double time_s, hand_pose *at) {
     uint32_t i = 0;
     while (i + 1 < h->count && h->key[i + 1].time_s <= time_s) i++;
     const hand_key *a = &h->key[i];
-    *at = (hand_pose){.turn = {.grip_rad = 0}};
+    *at = (hand_pose){.turn = {.gripper_rad = 0}};
     memcpy(at->x_m, a->x_m, sizeof at->x_m);
     if (h->turn != NULL) at->turn = h->turn[i];
     if (i + 1 == h->count || time_s <= a->time_s) return;
@@ -111,7 +111,7 @@ static void script_target(const hand *h, double time_s, hand_pose *at) {
     blend(at->x_m, b->x_m, share, 3);
     if (h->turn == NULL) return;
     blend(at->turn.turn_rad, h->turn[i + 1].turn_rad, share, 3);
-    blend(&at->turn.grip_rad, &h->turn[i + 1].grip_rad, share, 1);
+    blend(&at->turn.gripper_rad, &h->turn[i + 1].gripper_rad, share, 1);
 }
 
 void hand_target(const hand *h, double time_s, hand_pose *at) {

@@ -10,9 +10,9 @@ typedef struct {
     double time_s, x_m[3];
 } hand_key;
 
-/* The turn from the device's axes, axis times angle, and the joint of a grip. */
+/* The turn from the device's axes, axis times angle, and the joint of a gripper. */
 typedef struct {
-    double turn_rad[3], grip_rad;
+    double turn_rad[3], gripper_rad;
 } hand_turn;
 
 /* Where a hand wants the tool. */
@@ -34,7 +34,7 @@ typedef struct {
 
 /*
  * Reads `name_or_path`: "touch" (the built-in script: approach, press, slide, press deep, let go,
- * over ten seconds) or a file of lines `t x y z [rx ry rz [grip]]`: m, and degrees. Exits 2 with the
+ * over ten seconds) or a file of lines `t x y z [rx ry rz [gripper]]`: m, and degrees. Exits 2 with the
  * line named when it is wrong.
  */
 hand hand_load(const char *name_or_path);

@@ -87,6 +87,11 @@ static inline palp_vec3 palp_cross(palp_vec3 a, palp_vec3 b) {
     return out;
 }
 static inline float palp_norm(palp_vec3 a) { return palp_sqrt(palp_dot(a, a)); }
+/* a, or the vector along it of length `most` where it is longer. */
+static inline palp_vec3 palp_at_most(palp_vec3 a, float most) {
+    const float length = palp_norm(a);
+    return length > most ? palp_scale(most / length, a) : a;
+}
 static inline bool palp_vec3_is_finite(palp_vec3 a) {
     return palp_is_finite(a.x) && palp_is_finite(a.y) && palp_is_finite(a.z);
 }

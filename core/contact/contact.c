@@ -501,7 +501,7 @@ static palp_vec3 moment_beyond(const palp_contact *c, uint32_t t, palp_vec3 beli
     const palp_vec3 at = middle_of(c, t);
     const palp_vec3 couple = palp_sub(c->patch[t].beyond_Nm, palp_cross(at, c->patch[t].beyond_N));
     return palp_add(palp_cross(at, believed_N),
-                    palp_contact_at_most(couple, most_N * palp_tool_size(&c->tools[t])));
+                    palp_at_most(couple, most_N * palp_tool_size(&c->tools[t])));
 }
 
 void palp_contact_rest(palp_contact *c, uint32_t t) {
@@ -511,7 +511,7 @@ void palp_contact_rest(palp_contact *c, uint32_t t) {
         c->rest[t].t = palp_madd(s->held.t, 1.0f / s->stiffness_N_per_m, c->force_N[t]);
     if (s->stiffness_Nm_per_rad > 0.0f) {
         const palp_vec3 turn = palp_scale(1.0f / s->stiffness_Nm_per_rad, c->moment_Nm[t]);
-        palp_turn_by(palp_contact_at_most(turn, LARGEST_TURN), s->held.r, c->rest[t].r);
+        palp_turn_by(palp_at_most(turn, LARGEST_TURN), s->held.r, c->rest[t].r);
     }
 }
 
@@ -519,8 +519,8 @@ void palp_contact_rest(palp_contact *c, uint32_t t) {
 static void end_tool(palp_contact *c, uint32_t t) {
     const palp_contact_patch *patch = &c->patch[t];
     const float most = PALP_CONTACT_BEYOND * palp_norm(patch->push_N);
-    const palp_vec3 before = palp_contact_at_most(c->beyond_N[t], most);
-    palp_vec3 beyond = palp_contact_at_most(patch->beyond_N, most), turning = {0};
+    const palp_vec3 before = palp_at_most(c->beyond_N[t], most);
+    palp_vec3 beyond = palp_at_most(patch->beyond_N, most), turning = {0};
     if (c->normal_N[t] > 0.0f) {
         const float share = response(c, t, beyond, most);
         turning = blend(c->beyond_Nm[t], moment_beyond(c, t, beyond, most), share);

@@ -19,12 +19,6 @@ enum { IN_Y = 0, IN_N = 3, IN_F = 6, IN_CELL = 9, IN_PATCH = 10 };
 #define NEAREST2 0.25f
 #define SPREAD2 0.056330f /* 1 / PALP_LATTICE_SELF^2 */
 
-/* v, or the vector along it of length `most` where it is longer. */
-static inline palp_vec3 palp_contact_at_most(palp_vec3 v, float most) {
-    const float length = palp_norm(v);
-    return length > most ? palp_scale(most / length, v) : v;
-}
-
 /* Spacing of a tool's lattice where its points lie, about. */
 static inline float palp_contact_cell(const palp_contact *contact, uint32_t tool) {
     const float spacing = contact->patch[tool].lattice.used.spacing;

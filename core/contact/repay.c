@@ -82,8 +82,8 @@ static motion repaid_of(const palp_contact *c, uint32_t t) {
 
 /* From what was repaid to `wanted`, no faster than may be and no more. */
 static palp_vec3 step_to(palp_vec3 wanted, palp_vec3 before, float force_N) {
-    const palp_vec3 change = palp_contact_at_most(palp_sub(wanted, before), STEP * force_N);
-    return palp_sub(palp_contact_at_most(palp_add(before, change), MOST * force_N), before);
+    const palp_vec3 change = palp_at_most(palp_sub(wanted, before), STEP * force_N);
+    return palp_sub(palp_at_most(palp_add(before, change), MOST * force_N), before);
 }
 
 static void repay(palp_contact *c, const palp_contact_past *past) {

@@ -84,6 +84,11 @@ typedef struct {
 palp_tool palp_tool_sphere(float radius_m);
 palp_tool palp_tool_capsule(palp_vec3 axis, float half_m, float radius_m);
 
+/* Where a tool is that is to touch nothing. */
+static inline palp_frame palp_tool_away(void) {
+    return palp_frame_at((palp_vec3){1e3f, 1e3f, 1e3f});
+}
+
 /* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10 and not
  * below sliding, a field open. */
 bool palp_tool_is_sound(const palp_tool *tool);

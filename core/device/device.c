@@ -21,8 +21,9 @@ bool palp_device_is_sound(const palp_device *d) {
                     : d->drives.protocol == PALP_PROTOCOL_MIT  ? 15u
                                                                : 63u;
     if (palp_device_turns(d))
-        sound = sound && is_positive(d->moment_max_Nm) && is_positive(d->stiffness_max_Nm_per_rad) &&
-                d->damping_max_Nms_per_rad >= 0.0f && palp_is_finite(d->damping_max_Nms_per_rad);
+        sound = sound && is_positive(d->moment_max_Nm) &&
+                is_positive(d->stiffness_max_Nm_per_rad) && d->damping_max_Nms_per_rad >= 0.0f &&
+                palp_is_finite(d->damping_max_Nms_per_rad);
     sound = sound && (d->passive & ((1u << palp_arm_axes(&d->kinematics)) - 1u)) == 0u;
     for (uint32_t i = 0; i < palp_axes(&d->kinematics); i++) {
         sound = sound && palp_abs(d->gear[i]) > 0.0f && palp_is_finite(d->gear[i]) &&

@@ -22,7 +22,7 @@ typedef struct {
     palp_drive_config drives;
     uint8_t node_id[PALP_AXES]; /* drive of each joint, all different: 0 to 63; CiA 402: 1 to 126;
                                    moteus: 1 to 63; MIT: 0 to 15, and not master_id */
-    uint32_t passive;      /* bit i: joint i of wrist or grip has an encoder and no motor */
+    uint32_t passive;           /* bit i: joint i of wrist or gripper has an encoder and no motor */
     float gear[PALP_AXES]; /* motor revolutions per joint revolution, not 0, sign = direction */
     float joint_zero_rad[PALP_AXES]; /* angle of a joint where its drive reads 0 */
     bool homes; /* drives read 0 where they were switched on: joint_zero_rad is found by homing */
@@ -35,10 +35,10 @@ typedef struct {
     float tool_radius_m;         /* of what the hand holds; only hosts read it */
     float stiffness_max_N_per_m; /* most that the device renders well, above 0 */
     float damping_max_Ns_per_m;  /* the same; at least 0 */
-    float moment_max_Nm;         /* of a wrist with motors, above 0; else not read, as the next two */
+    float moment_max_Nm; /* of a wrist with motors, above 0; else not read, as the next two */
     float stiffness_max_Nm_per_rad, damping_max_Nms_per_rad;
-    float mass_kg;               /* of the mechanism as it feels at the tip; 0: not known */
-    float damping_Ns_per_m;      /* of the mechanism itself, at the tip; at least 0 */
+    float mass_kg;          /* of the mechanism as it feels at the tip; 0: not known */
+    float damping_Ns_per_m; /* of the mechanism itself, at the tip; at least 0 */
     palp_compensation compensation;
     float bit_rate_bps; /* of the bus; 0: not known, the time of frames is then taken for nothing */
     float data_rate_bps; /* second rate of CAN FD */
@@ -62,7 +62,7 @@ float palp_device_coupling(const palp_device *device);
  * radians per period and age of estimates: m / (2 (T + t_d)^2) (N/m). Without a mass: no limit. */
 float palp_device_stiffest(const palp_device *device);
 
-/* How fast a joint can turn when the tip moves at its limit, with room to spare; of wrist and grip, as
+/* How fast a joint can turn when the tip moves at its limit, with room to spare; of wrist and gripper, as
  * a hand turns a stylus (rad/s). */
 float palp_device_joint_speed(const palp_device *device, uint32_t joint);
 

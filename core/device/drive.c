@@ -399,8 +399,7 @@ uint32_t palp_drive_send(palp_drive *drive, const palp_drive_config *config,
 
 uint32_t palp_drive_listen(palp_drive *drive, const palp_drive_config *config,
                            palp_drive_request request, palp_can_frame *out) {
-    const bool setting_up =
-        request == PALP_REQUEST_PROBE || request == PALP_REQUEST_CONFIGURE;
+    const bool setting_up = request == PALP_REQUEST_PROBE || request == PALP_REQUEST_CONFIGURE;
     const bool again = drive->since_request % repeat_ticks(config) == 0u;
     const palp_drive_request now = setting_up ? request : PALP_REQUEST_IDLE;
     const uint32_t n = palp_drive_send(drive, config, now, 0.0f, out);

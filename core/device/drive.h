@@ -20,7 +20,7 @@
 #include "core/device/mit.h"
 #include "core/device/protect.h"
 
-#define PALP_AXES 7u /* of one device: three to place, three to turn, one to grip */
+#define PALP_AXES 7u /* of one device: three to place, three to turn, one for a gripper */
 
 typedef enum {
     PALP_PROTOCOL_ODRIVE,

@@ -7,25 +7,25 @@ uint32_t palp_arm_axes(const palp_kinematics *k) { return k->mechanism == PALP_F
 
 static uint32_t wrist_axes(const palp_kinematics *k) { return k->wrist ? 3u : 0u; }
 
-static bool grips(const palp_kinematics *k) {
-    return k->grip_m_per_rad > 0.0f || k->grip_m_per_rad < 0.0f;
+static bool has_gripper(const palp_kinematics *k) {
+    return k->gripper_m_per_rad > 0.0f || k->gripper_m_per_rad < 0.0f;
 }
 
 uint32_t palp_axes(const palp_kinematics *k) {
-    return palp_arm_axes(k) + wrist_axes(k) + (grips(k) ? 1u : 0u);
+    return palp_arm_axes(k) + wrist_axes(k) + (has_gripper(k) ? 1u : 0u);
 }
 
 uint32_t palp_wrist_axis(const palp_kinematics *k) {
     return k->wrist ? palp_arm_axes(k) : palp_axes(k);
 }
 
-uint32_t palp_grip_axis(const palp_kinematics *k) {
-    return grips(k) ? palp_arm_axes(k) + wrist_axes(k) : palp_axes(k);
+uint32_t palp_gripper_axis(const palp_kinematics *k) {
+    return has_gripper(k) ? palp_arm_axes(k) + wrist_axes(k) : palp_axes(k);
 }
 
 bool palp_kinematics_is_sound(const palp_kinematics *k) {
     bool positive = k->upper_m > 0.0f && k->fore_m > 0.0f && palp_is_finite(k->upper_m) &&
-                    palp_is_finite(k->fore_m) && palp_is_finite(k->grip_m_per_rad);
+                    palp_is_finite(k->fore_m) && palp_is_finite(k->gripper_m_per_rad);
     if (k->mechanism == PALP_ARM3) return positive;
     return positive && k->base_m >= 0.0f && k->fore_m > k->base_m + k->upper_m;
 }
@@ -216,7 +216,7 @@ palp_pose palp_forward(const palp_kinematics *k, const float q_rad[PALP_AXES]) {
     palp_pose pose = k->mechanism == PALP_ARM3 ? arm_forward(k, s, c) : legs_forward(k, s, c);
     link_of(k, s, c, &pose);
     if (k->wrist) add_wrist(k, s, c, &pose);
-    if (grips(k)) pose.opening_m = k->grip_m_per_rad * q_rad[palp_grip_axis(k)];
+    if (has_gripper(k)) pose.opening_m = k->gripper_m_per_rad * q_rad[palp_gripper_axis(k)];
     return pose;
 }
 

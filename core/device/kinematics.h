@@ -25,10 +25,10 @@
  *     R = R_link Rz(q4) Ry(q5) Rx(q6)
  *     R_link = Rz(q1) Ry(-q3) of ARM3's forearm; the others' platform does not turn
  *
- * so that at home the tool's axes are the device's; without a wrist they always are. It is singular where q5 is 90 degrees. A grip may
- * follow: its joint opens two parallel jaws along the tool's y, each by half of grip * q.
+ * so that at home the tool's axes are the device's; without a wrist they always are. It is singular where q5 is 90 degrees. A gripper may
+ * follow: its joint opens two parallel jaws along the tool's y, each by half of gripper * q.
  *
- * The arm's joints are those before wrist and grip. A wrench (F, M) about the tip is made by torques
+ * The arm's joints are those before wrist and gripper. A wrench (F, M) about the tip is made by torques
  * tau = J^T F + W^T M with the columns w of W, the axes that joints turn the tool about. Joints that
  * no motor drives carry nothing, so of M only what the wrist's motors make comes through
  * (palp_pose_transmits).
@@ -44,10 +44,10 @@ typedef enum { PALP_ARM3, PALP_FIVE_BAR, PALP_DELTA } palp_mechanism;
 
 typedef struct {
     palp_mechanism mechanism;
-    float upper_m, fore_m; /* a, b */
-    float base_m;          /* e; ARM3: unused */
-    bool wrist;            /* three joints more, that turn the tool */
-    float grip_m_per_rad;  /* and one that opens its jaws by so much; 0: there is none */
+    float upper_m, fore_m;   /* a, b */
+    float base_m;            /* e; ARM3: unused */
+    bool wrist;              /* three joints more, that turn the tool */
+    float gripper_m_per_rad; /* and one that opens its jaws by so much; 0: there is none */
 } palp_kinematics;
 
 typedef struct {
@@ -61,12 +61,12 @@ typedef struct {
     bool reachable; /* false: the links do not meet; nothing else is meaningful then */
 } palp_pose;
 
-/* Joints of the arm: 3, or 2 of the five-bar. All joints: and 3 of a wrist, 1 of a grip. */
+/* Joints of the arm: 3, or 2 of the five-bar. All joints: and 3 of a wrist, 1 of a gripper. */
 uint32_t palp_arm_axes(const palp_kinematics *k);
 uint32_t palp_axes(const palp_kinematics *k);
-/* The first joint of the wrist, and that of the grip; palp_axes where there is none. */
+/* The first joint of the wrist, and that of the gripper; palp_axes where there is none. */
 uint32_t palp_wrist_axis(const palp_kinematics *k);
-uint32_t palp_grip_axis(const palp_kinematics *k);
+uint32_t palp_gripper_axis(const palp_kinematics *k);
 
 /* Whether the lengths are positive and finite and the home pose exists: b > e + a of the parallel
  * ones. */
@@ -84,7 +84,7 @@ bool palp_inverse(const palp_kinematics *k, palp_vec3 tip_m, float q_rad[PALP_AX
 void palp_inverse_wrist(const palp_kinematics *k, const float r[9], float q_rad[PALP_AXES]);
 
 /* Joint torques that make the tip push with `force_N` and turn with `moment_Nm`: tau = J^T f + W^T m
- * (Nm); of the grip 0. */
+ * (Nm); of the gripper 0. */
 void palp_pose_torques(const palp_pose *pose, palp_vec3 force_N, palp_vec3 moment_Nm,
                        float torque_Nm[PALP_AXES]);
 

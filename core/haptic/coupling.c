@@ -8,8 +8,6 @@
 #define LARGEST_TURN 0.1f /* rad */
 #define APART 1.001f      /* of a tool that is put on the surface, over how far it extends to it */
 
-static const palp_vec3 far_away = {1e3f, 1e3f, 1e3f};
-
 static void let_go(palp_coupling_tool *k) {
     k->placed = k->touching = false;
     k->searched = 0;
@@ -137,14 +135,14 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         coupling->next[t] = device[t];
         if (k->absent) {
             let_go(k);
-            k->tool = k->device = k->expected = coupling->next[t] = palp_frame_at(far_away);
+            k->tool = k->device = k->expected = coupling->next[t] = palp_tool_away();
             ready++;
             continue;
         }
         if (!k->placed) {
             k->placed = search_on(k, contact, device[t].t);
             k->tool = k->placed ? outside(contact, t, k->nearest, device[t]) : device[t];
-            k->expected = k->placed ? k->tool : palp_frame_at(far_away);
+            k->expected = k->placed ? k->tool : palp_tool_away();
             k->device = device[t];
             ready += k->placed ? 1u : 0u;
             continue;
@@ -255,18 +253,14 @@ static void end(palp_coupling *coupling, uint32_t t, const palp_frame *tool, flo
                                        .energy_J = energy};
 }
 
-static palp_vec3 at_most(palp_vec3 v, float most) {
-    const float length = palp_norm(v);
-    return length > most ? palp_scale(most / length, v) : v;
-}
-
 /* What a change of level has changed the answer by goes on as a force of its own. */
 static void keep_offset(palp_coupling_tool *k, const palp_contact *c, uint32_t t,
                         palp_frame *rest) {
     const palp_wrench from = spring_wrench(k, &k->expected, rest); /* as if held at rest */
-    const palp_vec3 force = at_most(from.force_N, PALP_COUPLING_OFFSET * palp_norm(c->force_N[t]));
+    const palp_vec3 force =
+        palp_at_most(from.force_N, PALP_COUPLING_OFFSET * palp_norm(c->force_N[t]));
     const palp_vec3 moment =
-        at_most(from.moment_Nm, PALP_COUPLING_OFFSET * palp_norm(c->moment_Nm[t]));
+        palp_at_most(from.moment_Nm, PALP_COUPLING_OFFSET * palp_norm(c->moment_Nm[t]));
     k->offset.force_N = palp_add(k->offset.force_N, force);
     k->offset.moment_Nm = palp_add(k->offset.moment_Nm, moment);
     rest->t = palp_madd(rest->t, 1.0f / k->stiffness_N_per_m, force);
@@ -295,7 +289,8 @@ static palp_frame step_to(const palp_frame *from, const palp_frame *to, float si
     palp_frame at = *to;
     at.t = approach(from->t, to->t, LARGEST_STEP * size);
     const palp_vec3 turn = palp_turn_between(from->r, to->r);
-    if (palp_norm(turn) > LARGEST_TURN) palp_turn_by(at_most(turn, LARGEST_TURN), from->r, at.r);
+    if (palp_norm(turn) > LARGEST_TURN)
+        palp_turn_by(palp_at_most(turn, LARGEST_TURN), from->r, at.r);
     return at;
 }
 

@@ -16,12 +16,12 @@ static palp_contact_config contact_of(const palp_body_config *c, const palp_tool
 }
 
 static void *lay_out(palp_arena *arena, palp_body *b, const palp_body_config *c,
-                     const palp_tool *tools, uint32_t tool_count, size_t *bytes) {
+                     uint32_t tool_count, size_t *bytes) {
     if (is_dynamic(c)) {
         b->dynamic = palp_take(arena, 1, sizeof *b->dynamic);
         *bytes = palp_dynamic_memsize(c->tets, c->max_points);
     } else {
-        const palp_contact_config contact = contact_of(c, tools, tool_count);
+        const palp_contact_config contact = contact_of(c, NULL, tool_count); /* counts alone */
         b->answer = palp_take(arena, 1, sizeof *b->answer);
         *bytes = palp_answer_memsize(&contact);
     }
@@ -41,13 +41,12 @@ static bool is_there(const palp_body_config *c) {
     }
 }
 
-size_t palp_body_memsize(const palp_body_config *config, const palp_tool *tools,
-                         uint32_t tool_count) {
+size_t palp_body_memsize(const palp_body_config *config, uint32_t tool_count) {
     palp_arena arena = {0};
     palp_body body;
     size_t bytes;
     if (!is_there(config)) return 0;
-    (void)lay_out(&arena, &body, config, tools, tool_count, &bytes);
+    (void)lay_out(&arena, &body, config, tool_count, &bytes);
     return bytes > 0u ? arena.used : 0u;
 }
 
@@ -80,8 +79,7 @@ static palp_status init_dynamic(palp_body *b, const palp_body_room *room, void *
     const palp_body_config *c = &b->config;
     const float period_ns = 1e9f * room->dt_s;
     palp_frame far_away[PALP_CONTACT_TOOLS];
-    for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++)
-        far_away[t] = palp_frame_at((palp_vec3){1e3f, 1e3f, 1e3f});
+    for (uint32_t t = 0; t < PALP_CONTACT_TOOLS; t++) far_away[t] = palp_tool_away();
     palp_dynamic_config d = {.tets = c->tets,
                              .material = c->material,
                              .gravity_m_s2 = palp_rotate_back(c->at.r, c->gravity_m_s2),
@@ -114,13 +112,13 @@ palp_status palp_body_init(palp_body *b, const palp_body_config *config, const p
     if (!is_there(config) || !palp_is_rotation(config->at.r) || !palp_vec3_is_finite(config->at.t))
         return PALP_ERR_ARGUMENT;
     const palp_status status =
-        palp_check_block(memory, bytes, palp_body_memsize(config, room->tools, room->tool_count));
+        palp_check_block(memory, bytes, palp_body_memsize(config, room->tool_count));
     if (status != PALP_OK) return status;
     *b = (palp_body){.config = *config,
                      .tool_count = room->tool_count,
                      .spring = room->spring,
                      .dt_s = room->dt_s};
-    void *rest = lay_out(&arena, b, config, room->tools, room->tool_count, &part);
+    void *rest = lay_out(&arena, b, config, room->tool_count, &part);
     return is_dynamic(config) ? init_dynamic(b, room, rest, part, bound_ns)
                               : init_answer(b, room, rest, part, bound_ns);
 }
@@ -196,25 +194,22 @@ static void dynamic_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *
     float spring[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < b->tool_count; t++) {
         const palp_frame device = into(b, &tool[t].at);
-        const palp_vec3 none = {0.0f, 0.0f, 0.0f};
         const bool present = tool[t].part > 0.0f;
         spring[t] = tool[t].part * b->spring[t].N_per_m;
-        at[t] = palp_frame_at((palp_vec3){1e3f, 1e3f, 1e3f});
-        if (present)
-            at[t] =
-                palp_proxy_move(&b->proxy[t], &device, b->present[t] ? d->on_tool[t].force_N : none,
-                                spring[t], b->dt_s);
-        else
-            b->proxy[t].placed = false;
-        if (present != b->present[t]) palp_impose_place(&d->impose, t, &at[t]);
-        b->present[t] = present;
+        const bool was = b->proxy[t].placed;
+        palp_vec3 contact_N = {0.0f, 0.0f, 0.0f};
+        if (was) contact_N = d->on_tool[t].force_N;
+        at[t] = present ? palp_proxy_move(&b->proxy[t], &device, contact_N, spring[t], b->dt_s)
+                        : palp_tool_away();
+        b->proxy[t].placed = present;
+        if (present != was) palp_impose_place(&d->impose, t, &at[t]);
     }
     *report = (palp_body_report){.limit = d->config.tets->meta->levels - 1u};
     palp_dynamic_tick(d, start_ns, at, on, &report->dynamic);
     for (uint32_t t = 0; t < b->tool_count; t++) {
         float held_J;
-        palp_wrench w = {palp_proxy_force(&b->proxy[t], spring[t], &held_J), on[t].moment_Nm};
-        if (!b->proxy[t].touching) w.moment_Nm = w.force_N;
+        palp_wrench w = {.force_N = palp_proxy_force(&b->proxy[t], spring[t], &held_J)};
+        if (b->proxy[t].touching) w.moment_Nm = on[t].moment_Nm;
         felt[t] = outward(b, w, &at[t]);
         felt[t].held_J = held_J;
         felt[t].touching = b->proxy[t].touching;

@@ -85,15 +85,13 @@ typedef struct {
     palp_answer *answer;   /* elastic, zones */
     palp_dynamic *dynamic; /* dynamic */
     palp_proxy proxy[PALP_CONTACT_TOOLS];
-    bool present[PALP_CONTACT_TOOLS];    /* in the last tick */
     palp_frame held[PALP_CONTACT_TOOLS]; /* of the tick under way */
     palp_coupling_result result[PALP_CONTACT_TOOLS];
     float least_ns, most_ns; /* of a tick: what always has to fit; all that its level allows */
 } palp_body;
 
 /* Bytes besides the palp_body itself; 0 for a config out of range. */
-size_t palp_body_memsize(const palp_body_config *config, const palp_tool *tools,
-                         uint32_t tool_count);
+size_t palp_body_memsize(const palp_body_config *config, uint32_t tool_count);
 
 /* Errors: those of palp_answer_init or palp_dynamic_init; *bound_ns: with what comes before and after.
  */

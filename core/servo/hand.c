@@ -206,7 +206,7 @@ static void make_force(palp_hand *h, const palp_hand_felt *felt, const palp_tick
     palp_output_request request = {
         .force_N = wanted.force_N,
         .moment_Nm = wanted.moment_Nm,
-        .grip_N = h->feels ? h->gain * h->config.placement.scale * felt->opens_N : 0.0f,
+        .gripper_N = h->feels ? h->gain * h->config.placement.scale * felt->opens_N : 0.0f,
         .stored_J = r->stored_J,
         .damped_W = h->feels ? felt->damped_W : 0.0f,
         .steady = gain >= 1.0f && h->seen,

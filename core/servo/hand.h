@@ -74,7 +74,7 @@ typedef struct {
 typedef struct {
     palp_frame at;
     palp_vec3 velocity_m_s, turning_rad_s;
-    float opening_m; /* of the jaws of a grip */
+    float opening_m; /* of the jaws of a gripper */
 } palp_hand_place;
 
 /* What the tools of a hand do to it, about the tip, in the scene; forces there. */

@@ -12,7 +12,7 @@ static palp_vec3 shorten(palp_vec3 v, float limit, bool *hit) {
 static bool request_is_finite(const palp_output_request *d) {
     bool good = palp_vec3_is_finite(d->force_N) && palp_is_finite(palp_norm(d->force_N)) &&
                 palp_is_finite(d->stored_J) && palp_vec3_is_finite(d->moment_Nm) &&
-                palp_is_finite(palp_norm(d->moment_Nm)) && palp_is_finite(d->grip_N);
+                palp_is_finite(palp_norm(d->moment_Nm)) && palp_is_finite(d->gripper_N);
     for (uint32_t i = 0; i < PALP_AXES; i++)
         good = good && palp_is_finite(d->dq_rad_s[i]) && palp_is_finite(d->feedforward_Nm[i]);
     return good;
@@ -29,21 +29,22 @@ static void torque_slew(const palp_device *device, const palp_pose *pose, float 
                         float slew_Nm[PALP_AXES]) {
     const float step = device->slew_max_N_per_s * dt_s;
     const float step_Nm = step * most_moment_Nm(device) / device->force_max_N;
-    const uint32_t grip = palp_grip_axis(&device->kinematics);
+    const uint32_t gripper = palp_gripper_axis(&device->kinematics);
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
         float joint = step * palp_norm(pose->column_m[i]) + step_Nm * palp_norm(pose->turn[i]);
-        if (i == grip) joint = step * palp_abs(device->kinematics.grip_m_per_rad);
+        if (i == gripper) joint = step * palp_abs(device->kinematics.gripper_m_per_rad);
         slew_Nm[i] = joint / palp_abs(device->gear[i]);
     }
 }
 
 /* Joint torques of the contact, on motors alone. */
 static void contact_torques(const palp_device *device, const palp_pose *pose, const palp_wrench *w,
-                            float grip_N, float torque_Nm[PALP_AXES]) {
-    const uint32_t motors = palp_device_motors(device), grip = palp_grip_axis(&device->kinematics);
+                            float gripper_N, float torque_Nm[PALP_AXES]) {
+    const uint32_t motors = palp_device_motors(device),
+                   gripper = palp_gripper_axis(&device->kinematics);
     palp_pose_torques(pose, w->force_N, w->moment_Nm, torque_Nm);
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
-        if (i == grip) torque_Nm[i] = grip_N * device->kinematics.grip_m_per_rad;
+        if (i == gripper) torque_Nm[i] = gripper_N * device->kinematics.gripper_m_per_rad;
         if ((motors >> i & 1u) == 0u) torque_Nm[i] = 0.0f;
     }
 }
@@ -75,14 +76,14 @@ static float feed_forward(palp_output *output, uint32_t i, const motor_request *
  * stays; returns its share.
  */
 static float motor_torques(palp_output *output, const palp_device *device, const palp_pose *pose,
-                           const palp_wrench *w, float grip_N, const palp_output_request *request,
-                           float dt_s, palp_output_result *r) {
+                           const palp_wrench *w, float gripper_N,
+                           const palp_output_request *request, float dt_s, palp_output_result *r) {
     float contact[PALP_AXES], gravity[PALP_AXES], friction[PALP_AXES], extra[PALP_AXES],
         slew[PALP_AXES] = {0.0f};
     float share = 1.0f, limit = device->drives.torque_max_Nm;
     uint32_t axes = palp_axes(&device->kinematics);
     const uint32_t motors = palp_device_motors(device);
-    contact_torques(device, pose, w, grip_N, contact);
+    contact_torques(device, pose, w, gripper_N, contact);
     palp_device_compensate(device, pose, request->dq_rad_s, gravity, friction);
     torque_slew(device, pose, dt_s, slew);
     for (uint32_t i = 0; i < axes; i++) {
@@ -118,7 +119,7 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
         palp_wrench w = {shorten(request->force_N, device->force_max_N, &r.limited),
                          palp_pose_transmits(pose, &device->kinematics, palp_device_motors(device),
                                              request->moment_Nm)};
-        float grip_N = palp_clamp(request->grip_N, -device->force_max_N, device->force_max_N);
+        float gripper_N = palp_clamp(request->gripper_N, -device->force_max_N, device->force_max_N);
         if (most_Nm > 0.0f) w.moment_Nm = shorten(w.moment_Nm, most_Nm, &r.limited);
         if (passive != NULL) {
             const float share =
@@ -127,14 +128,14 @@ palp_output_result palp_output_apply(palp_output *output, const palp_device *dev
             r.braked = share < 1.0f;
             w.force_N = palp_scale(share, w.force_N);
             w.moment_Nm = palp_scale(share, w.moment_Nm);
-            grip_N *= share;
+            gripper_N *= share;
         }
         palp_vec3 change = shorten(palp_sub(w.force_N, output->last_N), step_N, &r.slewed);
         w.force_N = palp_add(output->last_N, change);
         change = shorten(palp_sub(w.moment_Nm, output->last_Nm),
                          step_N * most_Nm / device->force_max_N, &r.slewed);
         w.moment_Nm = palp_add(output->last_Nm, change);
-        float share = motor_torques(output, device, pose, &w, grip_N, request, dt_s, &r);
+        float share = motor_torques(output, device, pose, &w, gripper_N, request, dt_s, &r);
         if (share < 1.0f) r.limited = true;
         r.force_N = palp_scale(share, w.force_N);
         r.moment_Nm = palp_scale(share, w.moment_Nm);

@@ -19,7 +19,7 @@ typedef struct {
 
 typedef struct {
     palp_vec3 force_N, moment_Nm;    /* wanted at the tip */
-    float grip_N;                    /* that opens the jaws */
+    float gripper_N;                 /* that opens the jaws */
     float stored_J;                  /* in what makes it */
     float damped_W;                  /* taken up by its damper */
     bool steady;                     /* see palp_passivity_share */

@@ -42,13 +42,12 @@ static bool counts_are_sound(const palp_scene_config *c) {
 
 static palp_scene *lay_out(palp_arena *arena, const palp_scene_config *c,
                            void *body[PALP_SCENE_BODIES], size_t bytes[PALP_SCENE_BODIES]) {
-    const palp_tool plain = {.shape = PALP_TOOL_OF_BALLS};
     palp_scene *s = palp_take(arena, 1, sizeof *s);
     palp_hand *hand = palp_take(arena, c->hands, sizeof *hand);
     palp_tool *tool = palp_take(arena, c->tools, sizeof *tool);
     palp_scene_tool *mount = palp_take(arena, c->tools, sizeof *mount);
     for (uint32_t b = 0; b < c->bodies; b++) {
-        bytes[b] = palp_body_memsize(&c->body[b], &plain, c->tools);
+        bytes[b] = palp_body_memsize(&c->body[b], c->tools);
         if (bytes[b] == 0u) arena->used = SIZE_MAX;
         body[b] = palp_take(arena, bytes[b], 1);
     }
@@ -220,11 +219,6 @@ static void pose_zones(palp_scene *s) {
     }
 }
 
-/* How far a tool lies from the tip that carries it, along the tip's y. */
-static float jaw_offset(const palp_scene_tool *m, const palp_hand_place *tip) {
-    return m->jaw * tip->opening_m;
-}
-
 /* Whether all hands that feel have just entered RUN: then nothing goes on from before. */
 static bool begins_anew(palp_scene *s) {
     bool any = false, others = false;
@@ -266,7 +260,7 @@ static void place_tools(palp_scene *s) {
         const palp_scene_tool *m = &s->mount[t];
         const palp_hand_place *p = &s->tip[m->hand];
         palp_frame on_tip = m->at;
-        on_tip.t.y += jaw_offset(m, p);
+        on_tip.t.y += m->jaw * p->opening_m;
         tool[t] = (palp_body_tool){.at = s->last[t], .part = s->part[m->hand]};
         if (s->leaving[m->hand]) continue;
         tool[t].at = s->last[t] = palp_frame_compose(&p->at, &on_tip);

@@ -4,7 +4,7 @@
  * bounded tick.
  *
  * Bodies lie in the scene's coordinates. Each tool belongs to one device: at its tip, at a place of
- * its own, or on a jaw of its grip. A tool feels each body by a spring of its own, so what it feels of
+ * its own, or on a jaw of its gripper. A tool feels each body by a spring of its own, so what it feels of
  * all of them adds up, and several bodies, tools and hands need not know of each other; together the
  * springs of a device are as stiff as it renders. Hands that feel one body feel each other through it,
  * and what one puts in another may take out: the guards share what their hands have put in.
@@ -33,8 +33,9 @@ typedef struct {
     palp_tool tool; /* as palp_tool_is_sound, in the scene's lengths */
     uint32_t hand;
     palp_frame at; /* on the tip; a rotation */
-    float jaw; /* share of the opening of a grip by which it lies along the tip's y: -0.5 and 0.5 of
-                      two jaws; 0: it does not follow the grip */
+    float
+        jaw; /* share of the opening of a gripper by which it lies along the tip's y: -0.5 and 0.5 of
+                      two jaws; 0: it does not follow the gripper */
 } palp_scene_tool;
 
 /* A joint of a multizone model that follows an axis of a device: value = offset + scale q. */

@@ -4,7 +4,6 @@
 
 struct palp_servo {
     palp_scene *scene;
-    float scale; /* of the placement */
 };
 
 /* Reports of a tick add up on top of what the scene's own code keeps. */
@@ -81,7 +80,7 @@ palp_status palp_servo_open(palp_servo **servo, const palp_blob *blob,
     palp_scene *opened;
     status = palp_scene_open(&opened, &one.scene, scene, part, bound_ns);
     if (status != PALP_OK) return status;
-    *s = (palp_servo){.scene = opened, .scale = config->placement.scale};
+    *s = (palp_servo){.scene = opened};
     *servo = s;
     return PALP_OK;
 }
@@ -101,11 +100,11 @@ uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
     return list.count;
 }
 
-void palp_report_of(const palp_scene_report *scene, uint32_t hand, uint32_t body, uint32_t tool,
-                    float scale, palp_report *r) {
-    const palp_hand_report *h = &scene->hand[hand];
-    const palp_body_report *b = &scene->body[body];
-    const palp_body_felt *f = &scene->felt[body][tool];
+/* A tick of the scene, as that of its one hand, tool and body. */
+static void report_of(const palp_scene_report *scene, float scale, palp_report *r) {
+    const palp_hand_report *h = &scene->hand[0];
+    const palp_body_report *b = &scene->body[0];
+    const palp_body_felt *f = &scene->felt[0][0];
     *r = (palp_report){.tick = scene->tick,
                        .state = h->state,
                        .faults = h->faults,
@@ -145,6 +144,6 @@ uint32_t palp_servo_tick(palp_servo *s, const palp_tick_input *input, palp_can_f
     palp_scene_report report;
     uint32_t sent = 0;
     palp_scene_tick(s->scene, input, (palp_can_frame(*)[PALP_SERVO_FRAMES_OUT])out, &sent, &report);
-    palp_report_of(&report, 0, 0, 0, s->scale, r);
+    report_of(&report, palp_scene_hand(s->scene, 0)->config.placement.scale, r);
     return sent;
 }

@@ -56,11 +56,6 @@ typedef struct {
     bool slipping, braked;
 } palp_report;
 
-/* What one hand is told of a tick: of itself, of one body, and of one of its tools there; `scale` of its
- * placement. */
-void palp_report_of(const palp_scene_report *scene, uint32_t hand, uint32_t body, uint32_t tool,
-                    float scale, palp_report *report);
-
 typedef struct palp_servo palp_servo;
 
 /* Stack that any call of this library takes at most, besides the port's clock (make size prints

@@ -20,7 +20,7 @@ static const option keys[] = {
     {"--base", 1},
     {"--gear", -7},
     {"--wrist", 1},
-    {"--grip", 1},
+    {"--gripper", 1},
     {"--motors", -7},
     {"--moment-max", 1},
     {"--turn-stiffness-max", 1},
@@ -172,8 +172,8 @@ static void set_key(void *context, const argument *a) {
         p->drives.protocol = (palp_protocol)arg_word(a, protocols);
     } else if (strcmp(o, "--wrist") == 0) {
         p->kinematics.wrist = arg_word(a, wrists) == 1;
-    } else if (strcmp(o, "--grip") == 0) {
-        p->kinematics.grip_m_per_rad = (float)arg_between(a, -1, 1);
+    } else if (strcmp(o, "--gripper") == 0) {
+        p->kinematics.gripper_m_per_rad = (float)arg_between(a, -1, 1);
     } else if (strcmp(o, "--motors") == 0) {
         p->passive = 0;
         for (int i = 0; i < a->count; i++)
@@ -240,7 +240,8 @@ static void check(const reading *r, const char *name) {
     for (uint32_t i = 0; i < palp_arm_axes(&p->kinematics); i++) {
         if ((p->passive >> i & 1u) != 0)
             die(EXIT_USAGE,
-                "%s: 'motors' says that axis %u has none, but only wrist and grip can do without",
+                "%s: 'motors' says that axis %u has none, but only wrist and gripper can do "
+                "without",
                 name, i + 1);
     }
     if (p->drives.fd) need(r, name, "data-bitrate", ": the second rate of CAN FD");

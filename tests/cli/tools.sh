@@ -24,7 +24,7 @@ for i in range(n):
     j = (i + 1) % n
     f += [(1, 2 + j, 2 + i), (2 + i, 2 + j, 2 + n + j), (2 + i, 2 + n + j, 2 + n + i), (2 + 2 * n, 2 + n + i, 2 + n + j)]
 write('needle.obj', v, f)
-write('open.obj', v, f[:-n])
+write('open.obj', v[:-1], [t for k, t in enumerate(f) if k % 4 < 3]) # without its end
 PYTHON
 off() { sed -n 's/^distance .*(\([0-9.e-]*\) % of the diagonal).*/\1/p' "$1"; }
 for m in box blade needle cross; do
@@ -75,6 +75,6 @@ dev() { printf 'like arm3-palp-fd\n%b' "$1" > wrist.dev; shift; feel --device wr
 six='gear 10 10 10 1 1 1\nnode 1 2 3 4 5 6\njoint-min -80 -60 -60 -170 -85 -170\njoint-max 80 100 100 170 85 170\n'
 refuses 2 "needs 6 values" "a wrist whose gears are missing" dev 'wrist gimbal\nmotors 1 1 1 0 0 0\n'
 refuses 2 "moment-max" "a wrist with motors and no largest moment" dev "wrist gimbal\n$six"
-refuses 2 "only wrist and grip can do without" "an arm without a motor" dev "wrist gimbal\n${six}motors 1 0 1 0 0 0\n"
+refuses 2 "only wrist and gripper can do without" "an arm without a motor" dev "wrist gimbal\n${six}motors 1 0 1 0 0 0\n"
 dev "wrist gimbal\n${six}motors 1 1 1 0 0 1\nmoment-max 0.2\nturn-stiffness-max 1\nturn-damping-max 0.002\n" --tool box.tool > out.txt 2>&1; ok $? "a wrist with one motor of three"
 done_testing

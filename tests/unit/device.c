@@ -277,7 +277,7 @@ static double mismatch(const palp_kinematics *k, const double q[3], const double
 /* Wrists: the turn that joints make, its axes by differences, its inverse, and what motors transmit. */
 static void test_wrist(const char *name) {
     const palp_kinematics k = device_load(name).device.kinematics;
-    const uint32_t first = palp_wrist_axis(&k), grip = palp_grip_axis(&k);
+    const uint32_t first = palp_wrist_axis(&k), gripper = palp_gripper_axis(&k);
     uint64_t seed = 9;
     double axes = 0, back = 0, power = 0, passive = 0, opens = 0, columns = 0;
     for (int i = 0; i < 2000; i++) {
@@ -320,15 +320,15 @@ static void test_wrist(const char *name) {
         const palp_vec3 all = palp_pose_transmits(&pose, &k, 7u << first, m);
         passive = fmax(passive, (double)palp_norm(palp_sub(all, m)));
         passive = fmax(passive, (double)palp_norm(palp_pose_transmits(&pose, &k, 7u, m)));
-        if (grip < palp_axes(&k))
-            opens = fmax(opens, fabs((double)(pose.opening_m - k.grip_m_per_rad * q[grip])));
+        if (gripper < palp_axes(&k))
+            opens = fmax(opens, fabs((double)(pose.opening_m - k.gripper_m_per_rad * q[gripper])));
     }
     AT_MOST(axes, 2e-4, "%s: axes that joints turn the tool about, against differences", name);
     AT_MOST(columns, 1e-4, "%s: and how they move the tip, m/rad", name);
     AT_MOST(back, 1e-5, "%s: joints of the wrist from the tool's turn, rad", name);
     AT_MOST(power, 1e-6, "%s: torques do the work of force and moment", name);
     AT_MOST(passive, 2e-5, "%s: what motors transmit has nothing along axes without, Nm", name);
-    AT_MOST(opens, 1e-9, "%s: the grip opens", name);
+    AT_MOST(opens, 1e-9, "%s: the gripper opens", name);
 }
 
 static void test_mechanism(const char *name) {

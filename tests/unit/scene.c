@@ -12,7 +12,7 @@
 #define RADIUS 0.02f /* of the ball that is touched, m */
 #define TIP 0.005f   /* of the tools, m */
 
-#define EDGE 0.016 /* of the bar that a grip holds, m */
+#define EDGE 0.016 /* of the bar that a gripper holds, m */
 
 static baked ball, bar;
 
@@ -261,10 +261,10 @@ static void test_through_the_body(void) {
     stop(&s);
 }
 
-/* ---- a grip ---- */
+/* ---- a gripper ---- */
 
 /* Two jaws close on a bar and pull along it, until both slip: friction holds twice mu N. */
-static void test_grip(void) {
+static void test_gripper(void) {
     static const hand_key key[] = {
         {0, {0, 0, 0}}, {1, {0, 0, 0}}, {2, {0, 0, 0}}, {3, {0, 0, 0}}, {9, {0, 0, 0.008}}};
     static const hand_turn turn[] = {
@@ -288,7 +288,7 @@ static void test_grip(void) {
     start(&s);
     lead(&s, 0, key, turn, 5);
     const palp_kinematics *k = &s.file[0].device.kinematics;
-    const uint32_t grip = palp_grip_axis(k);
+    const uint32_t gripper = palp_gripper_axis(k);
     double beyond = 0, pull = 0, slips = 0, squeeze = 0, torque = 0;
     for (int i = 0; i < 4800; i++) {
         tick(&s);
@@ -296,13 +296,13 @@ static void test_grip(void) {
         const palp_hand_report *r = &s.report.hand[0];
         const double n = 0.5 * (double)(f[1].wrench.force_N.y - f[0].wrench.force_N.y);
         const double along = -(double)(f[0].wrench.force_N.z + f[1].wrench.force_N.z);
-        const double motor = (double)(r->motor_torque_Nm[grip] * s.file[0].device.gear[grip]);
+        const double motor = (double)(r->motor_torque_Nm[gripper] * s.file[0].device.gear[gripper]);
         squeeze = fmax(squeeze, n);
         const palp_coupling_tool *c = palp_scene_body(s.scene, 0)->answer->coupling.tool;
         const double holds = -(double)(c[0].friction.force_N.z + c[1].friction.force_N.z);
         if (n > 0.02) beyond = fmax(beyond, holds / (2 * mu * n) - 1);
         if (i > 1200 && i < 1500)
-            torque = fmax(torque, fabs(motor / (n * (double)k->grip_m_per_rad) - 1));
+            torque = fmax(torque, fabs(motor / (n * (double)k->gripper_m_per_rad) - 1));
         if (!f[0].slipping || !f[1].slipping || n < 0.02 || i < 1500) continue;
         slips++;
         pull = fmax(pull, fabs(along / (2 * mu * n) - 1));
@@ -312,7 +312,7 @@ static void test_grip(void) {
     AT_MOST(beyond, 0.03, "friction of both beyond twice mu N, the tips being curved");
     AT_MOST(pull, 0.03, "pull off it while both slip");
     AT_MOST(torque, 0.01,
-            "the grip's motor: torque off the squeeze times what it opens by per rad");
+            "the gripper's motor: torque off the squeeze times what it opens by per rad");
     stop(&s);
 }
 
@@ -395,6 +395,61 @@ static void test_engines(void) {
     stop(&s);
 }
 
+/* ---- a thin part ---- */
+
+/* Both on the tip of an ear that bends by more than a tool; one holds still, the other comes and goes. */
+static void test_thin_part(void) {
+    static const hand_key still[] = {
+        {0, {0, 0, 0.004}}, {1, {0, 0, 0.004}}, {2, {0, 0, -0.0042}}, {60, {0, 0, -0.0042}}};
+    hand_key moved[12];
+    mesh control = mesh_load("blobs/rabbit.obj");
+    mesh once = subdivide_loop(&control);
+    const baked rabbit = model_bake_young(subdivide_loop(&once), 0.004, 3e4);
+    uint32_t top = rabbit.blob.domain[PALP_FREE].node[0];
+    for (uint32_t k = 0; k < rabbit.blob.meta->domain_nodes[PALP_FREE]; k++) {
+        const uint32_t node = rabbit.blob.domain[PALP_FREE].node[k];
+        if (rabbit.blob.rest_m[3 * node + 2] > rabbit.blob.rest_m[3 * top + 2]) top = node;
+    }
+    const palp_vec3 x = palp_vec3_at(rabbit.blob.rest_m + 3 * (size_t)top);
+    const palp_body_config body = elastic(&rabbit.blob, PALP_FRAME_IDENTITY);
+    palp_scene_tool tool[HANDS];
+    stage s = {.ns_per_instruction = 0.25f};
+    for (uint32_t h = 0; h < HANDS; h++) {
+        const palp_vec3 at = {x.x + 0.006f * (float)h, x.y, x.z + 0.006f};
+        seat(&s, h, "arm3-palp-fd", 1000, at, 0);
+        tool[h] = (palp_scene_tool){
+            .tool = palp_tool_sphere(0.006f), .hand = h, .at = PALP_FRAME_IDENTITY};
+    }
+    s.config.body = &body;
+    s.config.tool = tool;
+    s.config.bodies = 1;
+    s.config.tools = s.config.hands = HANDS;
+    start(&s);
+    for (uint32_t k = 0; k < 12; k++)
+        moved[k] = (hand_key){1 + k, {0, 0, k % 2 == 0 ? 0 : -0.0084}};
+    lead(&s, 0, still, NULL, 4);
+    lead(&s, 1, moved, NULL, 12);
+    run(&s, 2.5);
+    uint32_t leaps = 0;
+    float last[HANDS] = {0}, largest = 0, together = 0;
+    for (uint32_t i = 0; i < 9000; i++) {
+        bool leapt = false;
+        tick(&s);
+        for (uint32_t h = 0; h < HANDS; h++) {
+            const float now = palp_norm(s.report.felt[0][h].wrench.force_N);
+            leapt = leapt || (i > 0 && fabsf(now - last[h]) > 0.02f);
+            largest = fmaxf(largest, now);
+            if (h == 1) together += now > 0.005f ? 1 : 0;
+            last[h] = now;
+        }
+        leaps += leapt ? 1 : 0;
+    }
+    CHECK(together > 500, "two tools on an ear: both press in %g of 9000 ticks, up to %.3f N",
+          (double)together, (double)largest);
+    AT_MOST(leaps, 120, "ticks in which a force leaps by more than 0.02 N");
+    stop(&s);
+}
+
 /* ---- for long ---- */
 
 /* Two devices with two tips each, as fast as they are let; hours with FULL. */
@@ -457,8 +512,9 @@ int main(void) {
     bar = model_bake_young(model_voxels(column, 3, EDGE, 4, &cell), 1e-6, 4e4);
     test_two_hands();
     test_through_the_body();
-    test_grip();
+    test_gripper();
     test_engines();
+    test_thin_part();
     test_long();
     return tap_done();
 }

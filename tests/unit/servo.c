@@ -97,7 +97,7 @@ static bool home_at(rig *r, const hand_key *keys, uint32_t count) {
     rig_open(r, &body.blob, &config, "touch", NULL, 1);
     rig_lead(r, keys, count, 800, 10);
     r->bus.script.tremor_m = 2e-5;
-    hand_pose begin = {.turn = {.grip_rad = 0}};
+    hand_pose begin = {.turn = {.gripper_rad = 0}};
     memcpy(begin.x_m, keys[0].x_m, sizeof begin.x_m);
     sim_device_init(&r->bus.device, &r->file, &begin);
     rig_run(r, 0.5);
@@ -118,7 +118,7 @@ static void test_homing(void) {
     rig_start(&plain, &body.blob, "arm3", 1000, "touch", NULL, 1);
     rig_lead(&plain, keys, 4, 800, 10);
     plain.bus.script.tremor_m = 2e-5;
-    hand_pose begin = {.turn = {.grip_rad = 0}};
+    hand_pose begin = {.turn = {.gripper_rad = 0}};
     memcpy(begin.x_m, keys[0].x_m, sizeof begin.x_m);
     sim_device_init(&plain.bus.device, &plain.file, &begin);
     rig_run(&plain, 3.5);

@@ -114,6 +114,13 @@ static void tell(episode *e, const char *name, bound_of bound, const step *s, ui
     cases_tell(e->c, name, e->contact->now, answer, &q, counted);
 }
 
+/* A point of a field rarely takes all the steps to its other side that its bound is for. */
+static bool has_field(const palp_contact *c) {
+    bool any = false;
+    for (uint32_t t = 0; t < c->tool_count; t++) any = any || c->tools[t].shape == PALP_TOOL_FIELD;
+    return any;
+}
+
 void cases_of_tick(cases *cases, palp_contact *contact, const palp_contact_cost *unit,
                    const palp_frame *at, const palp_contact_spring *spring) {
     episode episode = {cases, unit, contact}, *e = &episode;
@@ -135,7 +142,7 @@ void cases_of_tick(cases *cases, palp_contact *contact, const palp_contact_cost 
     s.count = palp_contact_points(c);
     uint64_t after = instructions();
     if (s.count == 0u) return; /* what is left belongs to the tick */
-    tell(e, "points", of_points, &s, after - before);
+    tell(e, has_field(c) ? "field" : "points", of_points, &s, after - before);
     before = instructions();
     while (s.count > 0u && palp_contact_assemble(c)) {}
     after = instructions();
