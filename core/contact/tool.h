@@ -86,7 +86,8 @@ palp_tool palp_tool_capsule(palp_vec3 axis, float half_m, float radius_m);
 
 /* Where a tool is that is to touch nothing. */
 static inline palp_frame palp_tool_away(void) {
-    return palp_frame_at((palp_vec3){1e3f, 1e3f, 1e3f});
+    const palp_vec3 away = {1e3f, 1e3f, 1e3f};
+    return palp_frame_at(away);
 }
 
 /* Whether radii and extents are positive and finite, axes orthonormal, friction in 0..10 and not
