@@ -188,6 +188,11 @@ palp_drive_trouble palp_scene_trouble(const palp_scene *scene, uint32_t hand, ui
     return palp_drive_trouble_of(&h->axes.drive[axis], &h->config.device.drives);
 }
 
+uint32_t palp_scene_bodies(const palp_scene *scene) { return scene->bodies; }
+uint32_t palp_scene_tools(const palp_scene *scene) { return scene->tools; }
+const palp_scene_tool *palp_scene_mount(const palp_scene *scene, uint32_t tool) {
+    return &scene->mount[tool];
+}
 const palp_body *palp_scene_body(const palp_scene *scene, uint32_t body) {
     return &scene->body[body];
 }

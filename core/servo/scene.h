@@ -106,7 +106,10 @@ const palp_counters *palp_scene_counters(const palp_scene *scene, uint32_t hand)
  * outside the bound of a tick. */
 palp_drive_trouble palp_scene_trouble(const palp_scene *scene, uint32_t hand, uint32_t axis);
 
-/* A body and a hand of the scene, to look at; the finest level of contact that always fits. */
+/* What is in the scene, to look at. */
+uint32_t palp_scene_bodies(const palp_scene *scene);
+uint32_t palp_scene_tools(const palp_scene *scene);
+const palp_scene_tool *palp_scene_mount(const palp_scene *scene, uint32_t tool);
 const palp_body *palp_scene_body(const palp_scene *scene, uint32_t body);
 const palp_hand *palp_scene_hand(const palp_scene *scene, uint32_t hand);
 

@@ -94,49 +94,7 @@ palp_drive_trouble palp_servo_trouble(const palp_servo *servo, uint32_t axis) {
 }
 
 uint32_t palp_servo_loads(const palp_servo *servo, palp_load *load) {
-    const palp_answer *a = palp_scene_body(servo->scene, 0)->answer;
-    palp_load_list list = {.load = load, .capacity = PALP_SERVO_LOADS};
-    palp_contact_loads(&a->contact, 0, 0, a->coupling.tool[0].friction.force_N, &list);
-    return list.count;
-}
-
-/* A tick of the scene, as that of its one hand, tool and body. */
-static void report_of(const palp_scene_report *scene, float scale, palp_report *r) {
-    const palp_hand_report *h = &scene->hand[0];
-    const palp_body_report *b = &scene->body[0];
-    const palp_body_felt *f = &scene->felt[0][0];
-    *r = (palp_report){.tick = scene->tick,
-                       .state = h->state,
-                       .faults = h->faults,
-                       .level = b->level,
-                       .limit = b->limit,
-                       .points = b->points,
-                       .active = b->active,
-                       .iterations = b->iterations,
-                       .contact_flags = b->flags,
-                       .bound_ns = scene->bound_ns,
-                       .elapsed_ns = scene->elapsed_ns,
-                       .tip_m = h->tip_m,
-                       .tip_velocity_m_s = h->tip_velocity_m_s,
-                       .tool = f->tool,
-                       .force_N = h->force_N,
-                       .moment_Nm = h->moment_Nm,
-                       .contact_moment_Nm = h->contact_moment_Nm,
-                       .stored_J = h->stored_J,
-                       .absorbed_J = h->absorbed_J,
-                       .given_J = h->given_J,
-                       .doubt_N = scale * b->doubt_N,
-                       .unforeseen_m = f->moved_m,
-                       .held = b->held,
-                       .shortened = b->shortened,
-                       .slipping = f->slipping,
-                       .braked = h->braked};
-    for (uint32_t i = 0; i < PALP_AXES; i++) {
-        r->joint_rad[i] = h->joint_rad[i];
-        r->joint_rad_s[i] = h->joint_rad_s[i];
-        r->motor_torque_Nm[i] = h->motor_torque_Nm[i];
-    }
-    for (uint32_t e = 0; e < 9u; e++) r->tip_r[e] = h->tip_r[e];
+    return palp_scene_loads(servo->scene, 0, load);
 }
 
 uint32_t palp_servo_tick(palp_servo *s, const palp_tick_input *input, palp_can_frame *out,
@@ -144,6 +102,6 @@ uint32_t palp_servo_tick(palp_servo *s, const palp_tick_input *input, palp_can_f
     palp_scene_report report;
     uint32_t sent = 0;
     palp_scene_tick(s->scene, input, (palp_can_frame(*)[PALP_SERVO_FRAMES_OUT])out, &sent, &report);
-    report_of(&report, palp_scene_hand(s->scene, 0)->config.placement.scale, r);
+    palp_scene_view(s->scene, &report, 0, r);
     return sent;
 }

@@ -11,7 +11,7 @@
 #ifndef PALP_SERVO_SERVO_H
 #define PALP_SERVO_SERVO_H
 
-#include "core/servo/scene.h"
+#include "core/servo/report.h"
 
 /* Kept by value; what it points to stays with the caller. */
 typedef struct {
@@ -28,42 +28,11 @@ typedef struct {
     bool unguarded;                            /* without the passivity controller */
 } palp_servo_config;
 
-typedef struct {
-    uint64_t tick;
-    palp_state state;
-    uint32_t faults;         /* PALP_FAULT_ bits, latched */
-    uint32_t level, limit;   /* of the contact; the finest that always fits the period */
-    uint32_t points, active; /* contact points; those of them in contact */
-    uint32_t iterations;     /* of the active set */
-    uint32_t contact_flags;  /* PALP_CONTACT_ flags */
-    float bound_ns,
-        elapsed_ns; /* of the whole tick: all that the limit level allows; by the clock */
-    float joint_rad[PALP_AXES], joint_rad_s[PALP_AXES];
-    palp_vec3 tip_m, tip_velocity_m_s; /* device */
-    float tip_r[9];                    /* turn of the tool, device */
-    palp_frame tool;                   /* model */
-    palp_vec3 force_N, moment_Nm;      /* at the tip, as sent; what motors make of the moment */
-    palp_vec3 contact_moment_Nm; /* of the contact about the tip, device; most of which a wrist
-                                          without motors lets nobody feel */
-    float motor_torque_Nm[PALP_AXES];
-    float stored_J;     /* contact and coupling, in device units */
-    float absorbed_J;   /* net energy that the hand has put in since RUN */
-    float given_J;      /* most energy that it was given beyond that (passivity.h) since RUN */
-    float doubt_N;      /* by how much the force may be off (answer.h); device units */
-    float unforeseen_m; /* how far the tool came to rest from where it was foreseen (model) */
-    bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */
-    bool shortened; /* did less than it would have with more time */
-    bool slipping, braked;
-} palp_report;
-
 typedef struct palp_servo palp_servo;
 
 /* Stack that any call of this library takes at most, besides the port's clock (make size prints
  * what the compilers report). */
 #define PALP_SERVO_STACK 6144u
-
-/* Loads that palp_servo_loads makes at most. */
-#define PALP_SERVO_LOADS 192u
 
 /* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
  * regular part or `finest` is no level. */
