@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#define MAX_OPTION_VALUES 8
+#define MAX_OPTION_VALUES 9
 
 typedef struct {
     const char *name; /* "--young" */

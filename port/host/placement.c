@@ -110,27 +110,56 @@ uint32_t nearest_free_node(const palp_blob *blob, const double place_m[3]) {
     return nearest;
 }
 
+touch_frame place_under(const surface_spot *spot, const palp_device *device, const spot_tool *held,
+                        const float rotation[9], double scale) {
+    const float workspace = 2 * device->workspace_radius_m, size = spot->size_m;
+    touch_frame t = {.node = spot->node, .placement = {.scale = 1}};
+    if (size < workspace / 3 || size > 2 * workspace) t.placement.scale = size / workspace;
+    if (scale > 0) t.placement.scale = (float)scale;
+    t.tool_radius_m = held->radius_m > 0 ? held->radius_m
+                                         : fmaxf(device->tool_radius_m * t.placement.scale,
+                                                 0.5f * spot->edge_m);
+    if (rotation != NULL)
+        for (int e = 0; e < 9; e++) t.placement.rotation[e] = rotation[e];
+    else
+        rotation_to(spot->normal, t.placement.rotation);
+    /* its lowest place touches, seen along the normal */
+    const palp_vec3 down = palp_rotate_back(t.placement.rotation, palp_scale(-1, spot->normal));
+    float reach = palp_dot(held->at.t, down);
+    reach += held->tool != NULL ? palp_tool_support(held->tool, palp_rotate_back(held->at.r, down))
+                                : t.tool_radius_m;
+    t.placement.origin_m = palp_madd(spot->at_m, reach, spot->normal);
+    return t;
+}
+
+surface_spot spot_of_blob(const palp_blob *blob, uint32_t node) {
+    const palp_meta *m = blob->meta;
+    const palp_vec3 diagonal = palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m));
+    return (surface_spot){.at_m = rest(blob, node),
+                          .normal = normal(blob, node),
+                          .size_m = palp_norm(diagonal),
+                          .edge_m = m->mean_edge_m,
+                          .node = node};
+}
+
+uint32_t flat_high_node(const palp_blob *blob, float radius_m) {
+    float *stiffness = node_stiffness(blob);
+    const uint32_t node = choose_node(blob, 2 * radius_m, stiffness);
+    free(stiffness);
+    return node;
+}
+
 touch_frame place_body(const palp_blob *blob, const palp_device *device, uint32_t node,
                        const palp_tool *tool, double radius_m) {
-    const palp_meta *m = blob->meta;
-    palp_vec3 diagonal = palp_sub(palp_vec3_at(m->box_max_m), palp_vec3_at(m->box_min_m));
-    float workspace = 2 * device->workspace_radius_m;
-    float size = palp_norm(diagonal);
-    float scale = size > workspace / 3 && size < 2 * workspace ? 1.0f : size / workspace;
-    const float usual = fmaxf(device->tool_radius_m * scale, 0.5f * m->mean_edge_m);
-    float radius = usual;
-    if (radius_m > 0) radius = (float)radius_m;
-    if (tool != NULL) radius = palp_tool_size(tool);
-    float *stiffness = node_stiffness(blob);
-    if (node == UINT32_MAX) node = choose_node(blob, 2 * fmaxf(radius, usual), stiffness);
-    free(stiffness);
-    touch_frame t = {.tool_radius_m = radius, .node = node};
-    palp_vec3 n = normal(blob, node);
-    t.placement.scale = scale;
-    /* its lowest place touches, seen along the device's z */
-    const palp_vec3 down = {0, 0, -1};
-    const float reach = tool != NULL ? palp_tool_support(tool, down) : radius;
-    t.placement.origin_m = palp_madd(rest(blob, node), reach, n);
-    rotation_to(n, t.placement.rotation);
-    return t;
+    const spot_tool held = {.tool = tool,
+                            .radius_m = tool != NULL ? palp_tool_size(tool) : (float)radius_m,
+                            .at = PALP_FRAME_IDENTITY};
+    surface_spot spot = spot_of_blob(blob, 0);
+    if (node == UINT32_MAX) {
+        const touch_frame usual =
+            place_under(&spot, device, &(spot_tool){.at = PALP_FRAME_IDENTITY}, NULL, 0);
+        node = flat_high_node(blob, fmaxf(held.radius_m, usual.tool_radius_m));
+    }
+    spot = spot_of_blob(blob, node);
+    return place_under(&spot, device, &held, NULL, 0);
 }

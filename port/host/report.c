@@ -39,22 +39,36 @@ static quantiles quantiles_of(const float *x, size_t n) {
     return q;
 }
 
+void run_body_add(run_body *b, const palp_body_report *r) {
+    b->ticks++;
+    b->at_level[r->level < PALP_CONTACT_LEVELS ? r->level : PALP_CONTACT_LEVELS - 1u]++;
+    b->touching += r->active > 0 ? 1 : 0;
+    b->held += r->held ? 1 : 0;
+    b->shortened += r->shortened ? 1 : 0;
+    b->spent += (r->flags & PALP_CONTACT_SPENT) != 0 ? 1 : 0;
+    b->full += (r->flags & PALP_CONTACT_FULL) != 0 ? 1 : 0;
+    b->most_points = r->points > b->most_points ? r->points : b->most_points;
+    b->most_active = r->active > b->most_active ? r->active : b->most_active;
+    b->doubt_N = fmaxf(b->doubt_N, r->doubt_N);
+}
+
 static float *tick_times_us(const run_record *r) {
     float *us = allocate(r->count, sizeof *us);
-    for (size_t i = 0; i < r->count; i++) us[i] = r->tick[i].elapsed_ns * 1e-3f;
+    for (size_t i = 0; i < r->count; i++) us[i] = r->hand[0].tick[i].elapsed_ns * 1e-3f;
     return us;
 }
 
-float smallest_energy_margin(const run_record *r) {
+float smallest_energy_margin(const run_record *r, uint32_t hand) {
     float smallest = 0;
-    for (size_t i = 0; i < r->count; i++) smallest = fminf(smallest, r->tick[i].absorbed_J);
+    for (size_t i = 0; i < r->count; i++)
+        smallest = fminf(smallest, r->hand[hand].tick[i].absorbed_J);
     return smallest;
 }
 
 /* The largest deficit of the run that was not a doubt of the encoders. */
-static float largest_given(const run_record *r) {
+static float largest_given(const run_record *r, uint32_t hand) {
     float most = 0;
-    for (size_t i = 0; i < r->count; i++) most = fmaxf(most, r->tick[i].given_J);
+    for (size_t i = 0; i < r->count; i++) most = fmaxf(most, r->hand[hand].tick[i].given_J);
     return most;
 }
 
@@ -77,9 +91,10 @@ void report_faults(uint32_t faults, char *text, size_t size) {
     }
 }
 
-static float largest_force(const run_record *r) {
+static float largest_force(const run_record *r, uint32_t hand) {
     float largest = 0;
-    for (size_t i = 0; i < r->count; i++) largest = fmaxf(largest, palp_norm(r->tick[i].force_N));
+    for (size_t i = 0; i < r->count; i++)
+        largest = fmaxf(largest, palp_norm(r->hand[hand].tick[i].force_N));
     return largest;
 }
 
@@ -89,9 +104,8 @@ typedef void line_writer(FILE *f, const char *name, const char *text);
 #define NOT_IN_LOG "not in the log, which ends before the run does"
 
 /* "level 4 in 9000 ticks, 3 in 200", finest first. */
-static void describe_levels(const run_record *r, char *text, size_t size) {
-    size_t count[PALP_CONTACT_LEVELS] = {0}, used = 0;
-    for (size_t i = 0; i < r->count; i++) count[r->tick[i].level]++;
+static void describe_levels(const size_t count[PALP_CONTACT_LEVELS], char *text, size_t size) {
+    size_t used = 0;
     text[0] = '\0';
     for (uint32_t l = PALP_CONTACT_LEVELS; l-- > 0 && used < size;) {
         if (count[l] == 0) continue;
@@ -123,18 +137,24 @@ static void line(const summary *s, const char *name, const char *format, ...) {
 /* What a run is, and in which state it ended. */
 static void lines_of_run(const summary *s) {
     const run_record *r = s->r;
-    const palp_report *last = &r->tick[r->count - 1];
-    char faults[128];
-    report_faults(last->faults, faults, sizeof faults);
-    line(s, "ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz, r->bus_name,
-         r->device_name);
-    line(s, "state", "%s, faults latched: %s", report_state(last->state),
-         last->faults != 0 ? faults : "none");
+    for (uint32_t h = 0; h < r->hands; h++) {
+        const run_hand *of = &r->hand[h];
+        const palp_report *last = &of->tick[r->count - 1];
+        char faults[128];
+        report_faults(last->faults, faults, sizeof faults);
+        if (h == 0)
+            line(s, "ticks", "%zu at %g Hz over bus %s, device %s", r->count, r->rate_hz,
+                 of->bus_name, of->device_name);
+        else
+            line(s, "and", "over bus %s, device %s", of->bus_name, of->device_name);
+        line(s, "state", "%s, faults latched: %s", report_state(last->state),
+             last->faults != 0 ? faults : "none");
+    }
 }
 
 static void lines_of_time(const summary *s) {
     const run_record *r = s->r;
-    const palp_counters *c = &r->totals.counters;
+    const palp_counters *c = &r->hand[0].totals.counters;
     float *us = tick_times_us(r);
     const quantiles q = quantiles_of(us, r->count);
     if (r->totalled)
@@ -154,47 +174,63 @@ static void lines_of_time(const summary *s) {
     free(us);
 }
 
+/* A body, from what was added up of it. */
+static void lines_of_body(const summary *s, const run_body *b) {
+    static const char *const kind[] = {"elastic", "zones", "dynamic"};
+    char levels[256];
+    describe_levels(b->at_level, levels, sizeof levels);
+    line(s, "body", "%s (%s): %s, %zu ticks held as foreseen, %zu shortened", b->name,
+         kind[b->kind], levels, b->held, b->shortened);
+    line(s, "contact",
+         "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
+         " points in contact; %zu ticks with an active set not settled, %zu short of room; forces "
+         "may have been off by %.3g N at most",
+         b->touching, b->most_active, b->most_points, b->spent, b->full, (double)b->doubt_N);
+}
+
+/* The one body, from the ticks. */
 static void lines_of_contact(const summary *s) {
     const run_record *r = s->r;
-    const palp_counters *c = &r->totals.counters;
-    uint32_t most_active = 0, most_points = 0;
-    size_t touching = 0, spent = 0, full = 0, held = 0;
-    float doubt_N = 0;
+    const palp_counters *c = &r->hand[0].totals.counters;
+    run_body sum = {.name = ""};
+    for (uint32_t b = 0; b < r->bodies; b++) lines_of_body(s, &r->body[b]);
+    if (r->bodies > 0) return;
     for (size_t i = 0; i < r->count; i++) {
-        const palp_report *t = &r->tick[i];
-        most_active = t->active > most_active ? t->active : most_active;
-        most_points = t->points > most_points ? t->points : most_points;
-        doubt_N = fmaxf(doubt_N, t->doubt_N);
-        touching += t->active > 0 ? 1 : 0;
-        held += t->held ? 1 : 0;
-        spent += (t->contact_flags & PALP_CONTACT_SPENT) != 0 ? 1 : 0;
-        full += (t->contact_flags & PALP_CONTACT_FULL) != 0 ? 1 : 0;
+        const palp_report *t = &r->hand[0].tick[i];
+        const palp_body_report of = {.level = t->level,
+                                     .points = t->points,
+                                     .active = t->active,
+                                     .flags = t->contact_flags,
+                                     .held = t->held,
+                                     .doubt_N = t->doubt_N};
+        run_body_add(&sum, &of);
     }
     char levels[256];
-    describe_levels(r, levels, sizeof levels);
+    describe_levels(sum.at_level, levels, sizeof levels);
     if (r->totalled)
         line(s, "levels",
              "%s; made coarser %" PRIu64 " times, finer again %" PRIu64
              "; %zu ticks held as foreseen",
-             levels, c->coarsened, c->refined, held);
+             levels, c->coarsened, c->refined, sum.held);
     else
-        line(s, "levels", "%s; %zu ticks held as foreseen", levels, held);
+        line(s, "levels", "%s; %zu ticks held as foreseen", levels, sum.held);
     if (r->from_log)
         line(s, "contact",
              "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
              " points in contact; how well they were settled is not in a log",
-             touching, most_active, most_points);
+             sum.touching, sum.most_active, sum.most_points);
     else
         line(s, "contact",
              "%zu ticks touching, at most %" PRIu32 " of %" PRIu32
              " points in contact; %zu ticks with an active set not settled, %zu short of room; the "
              "force may have been off by %.3g N at most",
-             touching, most_active, most_points, spent, full, (double)doubt_N);
+             sum.touching, sum.most_active, sum.most_points, sum.spent, sum.full,
+             (double)sum.doubt_N);
 }
 
-static void lines_of_bus(const summary *s) {
+static void lines_of_bus(const summary *s, uint32_t hand) {
     const run_record *r = s->r;
-    const run_totals *total = &r->totals;
+    const run_totals *total = &r->hand[hand].totals;
     const palp_counters *c = &total->counters;
     if (r->totalled)
         line(s, "frames",
@@ -205,7 +241,7 @@ static void lines_of_bus(const summary *s) {
              total->frames_lost, total->frames_dropped);
     else
         line(s, "frames", NOT_IN_LOG);
-    line(s, "bus", "%s", r->bus_load);
+    line(s, "bus", "%s", r->hand[hand].bus_load);
     if (r->totalled)
         line(s, "guards",
              "%" PRIu64 " corrupt, %" PRIu64 " gaps, %" PRIu64 " frozen; %" PRIu64
@@ -223,18 +259,19 @@ static void lines_of_bus(const summary *s) {
         line(s, "loop", NOT_IN_LOG);
 }
 
-static void lines_of_force(const summary *s) {
+static void lines_of_force(const summary *s, uint32_t hand) {
     const run_record *r = s->r;
-    const palp_report *last = &r->tick[r->count - 1];
+    const palp_report *last = &r->hand[hand].tick[r->count - 1];
     if (r->totalled)
-        line(s, "largest force", "%.3f N (limited in %" PRIu64 " ticks)", (double)largest_force(r),
-             r->totals.counters.limited);
+        line(s, "largest force", "%.3f N (limited in %" PRIu64 " ticks)",
+             (double)largest_force(r, hand), r->hand[hand].totals.counters.limited);
     else
-        line(s, "largest force", "%.3f N", (double)largest_force(r));
+        line(s, "largest force", "%.3f N", (double)largest_force(r, hand));
     line(s, "energy",
          "given to the hand: %.3g J (beyond what it had put in); absorbed from it %.4g J at the "
          "end, smallest margin %.3g J",
-         (double)largest_given(r), (double)last->absorbed_J, (double)smallest_energy_margin(r));
+         (double)largest_given(r, hand), (double)last->absorbed_J,
+         (double)smallest_energy_margin(r, hand));
 }
 
 static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
@@ -242,8 +279,13 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
     lines_of_run(&s);
     lines_of_time(&s);
     lines_of_contact(&s);
-    lines_of_bus(&s);
-    lines_of_force(&s);
+    for (uint32_t h = 0; h < r->hands; h++) {
+        if (r->hands > 1)
+            line(&s, "device", "%" PRIu32 ": %s on %s", h, r->hand[h].device_name,
+                 r->hand[h].bus_name);
+        lines_of_bus(&s, h);
+        lines_of_force(&s, h);
+    }
 }
 
 static void put_plain(FILE *f, const char *name, const char *text) {
@@ -288,14 +330,15 @@ static void time_axis(FILE *f, const run_record *r) {
 }
 
 /* One curve; every stretch of ticks that shares a point is drawn as its largest excursion. */
-static void curve(FILE *f, const run_record *r, const axis_range *a,
+static void curve(FILE *f, const run_record *r, uint32_t hand, const axis_range *a,
                   double (*value)(const palp_report *), const char *colour) {
+    const palp_report *tick = r->hand[hand].tick;
     size_t stretch = r->count / MAX_POINTS + 1;
     fprintf(f, "<polyline fill='none' stroke='%s' stroke-width='1.3' points='", colour);
     for (size_t i = 0; i < r->count; i += stretch) {
-        double v = value(&r->tick[i]);
+        double v = value(&tick[i]);
         for (size_t k = i; k < i + stretch && k < r->count; k++) {
-            double w = value(&r->tick[k]);
+            double w = value(&tick[k]);
             if (fabs(w) > fabs(v)) v = w;
         }
         fprintf(f, "%.1f,%.1f ", x_of(r, i), y_of(a, v));
@@ -303,9 +346,10 @@ static void curve(FILE *f, const run_record *r, const axis_range *a,
     fputs("'/>\n", f);
 }
 
-static void extend(axis_range *a, const run_record *r, double (*value)(const palp_report *)) {
+static void extend(axis_range *a, const run_record *r, uint32_t hand,
+                   double (*value)(const palp_report *)) {
     for (size_t i = 0; i < r->count; i++) {
-        double v = value(&r->tick[i]);
+        double v = value(&r->hand[hand].tick[i]);
         a->low = fmin(a->low, v);
         a->high = fmax(a->high, v);
     }
@@ -317,12 +361,14 @@ typedef struct {
     const char *colour, *name;
 } series;
 
-static void chart(FILE *f, const run_record *r, const char *title, const char *unit,
+static void chart(FILE *f, const run_record *r, uint32_t hand, const char *title, const char *unit,
                   const series *s, size_t count) {
     axis_range a = {0, 0, unit};
-    for (size_t i = 0; i < count; i++) extend(&a, r, s[i].value);
-    chart_begin(f, title, &a);
-    for (size_t i = 0; i < count; i++) curve(f, r, &a, s[i].value, s[i].colour);
+    char of[160];
+    snprintf(of, sizeof of, "%s: device %" PRIu32 ", %s", title, hand, r->hand[hand].device_name);
+    for (size_t i = 0; i < count; i++) extend(&a, r, hand, s[i].value);
+    chart_begin(f, r->hands > 1 ? of : title, &a);
+    for (size_t i = 0; i < count; i++) curve(f, r, hand, &a, s[i].value, s[i].colour);
     time_axis(f, r);
     fputs("</svg>\n<p class='key'>", f);
     for (size_t i = 0; i < count; i++)
@@ -402,16 +448,20 @@ void report_html(FILE *f, const run_record *r) {
         ".key{margin:2px 0;color:#555;font-size:13px}table{border-collapse:collapse}td{padding:2px "
         "14px 2px 0;vertical-align:top}\n"
         "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: ");
-    print_escaped(f, r->blob_name);
+    print_escaped(f, r->title);
     fputs("</h1>\n<table>\n", f);
     summary_lines(f, r, put_row);
-    fputs("</table>\n<h2>At the largest force</h2>\n", f);
-    if (r->displacement_m != NULL)
+    fputs("</table>\n", f);
+    if (r->displacement_m != NULL) {
+        fputs("<h2>At the largest force</h2>\n", f);
         view_draw(f, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, WIDTH, 560);
-    chart(f, r, "Force on the hand", "N", force, 4);
-    chart(f, r, "Energy", "mJ", energy, 2);
+    }
+    for (uint32_t h = 0; h < r->hands; h++) {
+        chart(f, r, h, "Force on the hand", "N", force, 4);
+        chart(f, r, h, "Energy", "mJ", energy, 2);
+    }
     histogram(f, r);
-    chart(f, r, "Contact and level", "", contact, 3);
-    chart(f, r, "Motion", "mm", motion, 1);
+    chart(f, r, 0, "Contact and level", "", contact, 3);
+    for (uint32_t h = 0; h < r->hands; h++) chart(f, r, h, "Motion", "mm", motion, 1);
     fputs("</body></html>\n", f);
 }

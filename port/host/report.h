@@ -6,18 +6,36 @@
 #include "port/host/record.h"
 #include <stdio.h>
 
+/* What a device went through. */
 typedef struct {
-    palp_report *tick; /* one per tick */
-    float *late_us;    /* wake-up lateness of each tick; NULL when the run was not paced */
-    size_t count;
+    palp_report *tick; /* [count] */
     run_totals totals;
-    bool totalled; /* they are known */
+    const char *device_name, *bus_name, *bus_load;
+} run_hand;
+
+/* What a body did in all ticks; of one that stands for all, ticks that devices report. */
+typedef struct {
+    const char *name;
+    palp_body_kind kind;
+    size_t ticks, at_level[PALP_CONTACT_LEVELS], touching, held, spent, full, shortened;
+    uint32_t most_points, most_active;
+    float doubt_N;
+} run_body;
+void run_body_add(run_body *body, const palp_body_report *report);
+
+typedef struct {
+    uint32_t hands, bodies; /* bodies: 0 where the devices' ticks say all of one */
+    run_hand hand[PALP_SCENE_HANDS];
+    run_body body[PALP_SCENE_BODIES];
+    float *late_us; /* [count] wake-up lateness of each tick; NULL when the run was not paced */
+    size_t count;
+    bool totalled; /* totals are known */
     bool from_log; /* then ticks lack what a log does not hold */
     double rate_hz;
     /* The instant of the largest force, for the picture. */
-    float *displacement_m; /* [nodes][3] */
+    float *displacement_m; /* [nodes][3]; NULL: none */
     float tool_m[3], tool_radius_m;
-    const char *blob_name, *device_name, *bus_name, *bus_load;
+    const char *title;
     const palp_blob *blob;
 } run_record;
 
@@ -30,6 +48,6 @@ void report_faults(uint32_t faults, char *text, size_t size);
 
 /* Smallest of absorbed - 0 over the run: how close the hand came to being given energy (J, device
  * units). */
-float smallest_energy_margin(const run_record *r);
+float smallest_energy_margin(const run_record *r, uint32_t hand);
 
 #endif

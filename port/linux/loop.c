@@ -70,48 +70,87 @@ uint64_t loop_clock(void *context) {
 
 /* ---- one tick ---- */
 
-static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
-    if (l->memory != NULL) {
-        t->in_count =
-            l->memory->pass(l->memory->context, 1 / l->rate_hz, t->in, RECORD_FRAMES, &t->events);
-    } else if (l->lockstep) {
-        lockstep_turn turn = {.tick = LOCKSTEP_HELLO};
-        if (!lockstep_receive(&l->port, LOCKSTEP_PATIENCE_MS, t->in, RECORD_FRAMES, &turn,
-                              &l->lockstep_lost))
-            l->port.events |= PALP_EVENT_BUS_DOWN;
-        else if (turn.tick != tick)
-            l->lockstep_lost++;
-        t->in_count = turn.frames;
-    } else {
-        t->in_count = can_receive(&l->port, t->in, t->in_time_s, RECORD_FRAMES);
-        /* More than any tick should bring: the old ones go, so that none waits to be believed. */
-        for (int i = 0; i < MOST_REFILLS && t->in_count == RECORD_FRAMES; i++) {
-            l->port.events |= PALP_EVENT_OVERFLOW;
-            t->in_count = can_receive(&l->port, t->in, t->in_time_s, RECORD_FRAMES);
-        }
-    }
-    uint32_t pressed = atomic_exchange(&l->operator_events, 0);
-    if ((pressed & PALP_EVENT_RESET) != 0) l->hold = false;
-    t->events |= l->port.events | pressed | (l->hold ? PALP_EVENT_HOLD : 0) |
-                 (l->home ? PALP_EVENT_HOME : 0);
-    l->port.events = 0;
+static void receive_lockstep(servo_loop *l, can_port *port, uint32_t tick, tick_hand *hand) {
+    lockstep_turn turn = {.tick = LOCKSTEP_HELLO};
+    if (!lockstep_receive(port, LOCKSTEP_PATIENCE_MS, hand->in, RECORD_FRAMES, &turn,
+                          &l->lockstep_lost))
+        port->events |= PALP_EVENT_BUS_DOWN;
+    else if (turn.tick != tick)
+        l->lockstep_lost++;
+    hand->in_count = turn.frames;
 }
 
-static void send(servo_loop *l, uint32_t tick, const palp_can_frame *frames, uint32_t count) {
+static void receive_port(can_port *port, tick_hand *hand) {
+    hand->in_count = can_receive(port, hand->in, hand->in_time_s, RECORD_FRAMES);
+    /* More than any tick should bring: the old ones go, so that none waits to be believed. */
+    for (int i = 0; i < MOST_REFILLS && hand->in_count == RECORD_FRAMES; i++) {
+        port->events |= PALP_EVENT_OVERFLOW;
+        hand->in_count = can_receive(port, hand->in, hand->in_time_s, RECORD_FRAMES);
+    }
+}
+
+static void receive(servo_loop *l, uint32_t tick, tick_record *t) {
+    const uint32_t pressed = atomic_exchange(&l->operator_events, 0);
+    if ((pressed & PALP_EVENT_RESET) != 0) l->hold = false;
+    for (uint32_t h = 0; h < t->hands; h++) {
+        loop_line *line = &l->line[h];
+        tick_hand *hand = &t->hand[h];
+        if (l->simulated)
+            hand->in_count = line->memory.pass(line->memory.context, 1 / l->rate_hz, hand->in,
+                                               RECORD_FRAMES, &hand->events);
+        else if (l->lockstep)
+            receive_lockstep(l, &line->port, tick, hand);
+        else
+            receive_port(&line->port, hand);
+        hand->events |= line->port.events | pressed | (l->hold ? PALP_EVENT_HOLD : 0) |
+                        (l->home ? PALP_EVENT_HOME : 0);
+        line->port.events = 0;
+    }
+}
+
+static void send(servo_loop *l, loop_line *line, uint32_t tick, const palp_can_frame *frames,
+                 uint32_t count) {
     for (uint32_t i = 0; i < count; i++) {
-        if (l->memory != NULL) {
-            if (!l->memory->send(l->memory->context, &frames[i]))
-                l->port.events |= PALP_EVENT_BUS_FULL;
+        if (l->simulated) {
+            if (!line->memory.send(line->memory.context, &frames[i]))
+                line->port.events |= PALP_EVENT_BUS_FULL;
         } else if (l->lockstep) {
-            (void)lockstep_send(&l->port, &frames[i]);
-        } else if (!can_send(&l->port, &frames[i])) {
+            (void)lockstep_send(&line->port, &frames[i]);
+        } else if (!can_send(&line->port, &frames[i])) {
             break; /* what is queued will act late: fault, never send again */
         }
     }
-    if (l->lockstep && l->memory == NULL) {
+    if (l->lockstep && !l->simulated) {
         palp_can_frame mark = lockstep_mark(tick, count);
-        (void)lockstep_send(&l->port, &mark);
+        (void)lockstep_send(&line->port, &mark);
     }
+}
+
+/* The tick itself: input from the record, frames and reports into it. */
+static void answer(servo_loop *l, tick_record *t, uint64_t *digest) {
+    palp_can_frame out[PALP_SCENE_HANDS][PALP_SERVO_FRAMES_OUT];
+    palp_tick_input in[PALP_SCENE_HANDS];
+    uint32_t sent[PALP_SCENE_HANDS];
+    palp_scene_report report;
+    for (uint32_t h = 0; h < t->hands; h++)
+        in[h] = (palp_tick_input){.frames = t->hand[h].in,
+                                  .count = t->hand[h].in_count,
+                                  .skipped = t->skipped,
+                                  .events = t->hand[h].events};
+    scene_move(l->setup, l->scene, (double)l->periods / l->rate_hz);
+    palp_scene_tick(l->scene, in, out, sent, &report);
+    for (uint32_t h = 0; h < t->hands; h++) {
+        tick_hand *hand = &t->hand[h];
+        hand->out_count = sent[h];
+        memcpy(hand->out, out[h], sent[h] * sizeof out[h][0]);
+        palp_scene_view(l->scene, &report, h, &hand->report);
+        *digest = record_digest(*digest, hand->out, hand->out_count, &hand->report);
+        hand->counters = *palp_scene_counters(l->scene, h);
+        for (uint32_t i = 0; i < PALP_AXES && hand->report.state != PALP_STATE_RUN; i++)
+            hand->trouble[i] = palp_scene_trouble(l->scene, h, i);
+    }
+    for (uint32_t b = 0; b < t->bodies; b++) t->body[b] = report.body[b];
+    t->digest = *digest;
 }
 
 static double wall_s(void) {
@@ -127,10 +166,16 @@ static tick_record *next_record(servo_loop *l) {
         nanosleep(&moment, NULL);
         t = ring_begin(&l->ring);
     }
-    if (t == NULL) t = &l->scratch;
-    t->in_count = t->out_count = t->clock_count = t->load_count = 0;
-    t->skipped = t->events = 0;
+    if (t == NULL) t = l->scratch;
+    const palp_scene_config *c = &l->setup->config;
+    t->hands = c->hands;
+    t->bodies = c->bodies;
+    t->clock_count = t->load_count = 0;
+    t->skipped = 0;
     t->clock_full = false;
+    for (uint32_t b = 0; b < c->bodies; b++) t->kind[b] = c->body[b].kind;
+    for (uint32_t h = 0; h < c->hands; h++)
+        t->hand[h].in_count = t->hand[h].out_count = t->hand[h].events = 0;
     return t;
 }
 
@@ -140,35 +185,40 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
     double period_us = 1e6 / l->rate_hz;
     t->late_us = late_us;
     t->skipped = skipped;
-    bool wall = l->paced && l->memory == NULL;
+    bool wall = l->paced && !l->simulated;
     t->time_s = wall ? wall_s() : (double)tick / l->rate_hz;
     receive(l, (uint32_t)tick, t);
-    for (uint32_t i = 0; i < t->in_count && !wall; i++) t->in_time_s[i] = t->time_s;
-    /* A simulated device waits with us: for it nobody is late. */
-    if (l->memory == NULL && (double)late_us > 0.5 * period_us) t->events |= PALP_EVENT_LATE;
-    palp_tick_input in = {
-        .frames = t->in, .count = t->in_count, .skipped = t->skipped, .events = t->events};
+    for (uint32_t h = 0; h < t->hands; h++) {
+        tick_hand *hand = &t->hand[h];
+        for (uint32_t i = 0; i < hand->in_count && !wall; i++) hand->in_time_s[i] = t->time_s;
+        /* A simulated device waits with us: for it nobody is late. */
+        if (!l->simulated && (double)late_us > 0.5 * period_us) hand->events |= PALP_EVENT_LATE;
+    }
+    l->periods += skipped;
     l->current = t;
-    t->out_count = palp_servo_tick(l->servo, &in, t->out, &t->report);
-    send(l, (uint32_t)tick, t->out, t->out_count);
+    answer(l, t, digest);
+    l->periods++;
+    for (uint32_t h = 0; h < t->hands; h++)
+        send(l, &l->line[h], (uint32_t)tick, t->hand[h].out, t->hand[h].out_count);
+    palp_scene_spare(l->scene);
     l->current = NULL;
-    *digest = record_digest(*digest, t->out, t->out_count, &t->report);
-    t->digest = *digest;
-    t->counters = *palp_servo_counters(l->servo);
-    t->load_count = palp_servo_loads(l->servo, t->load);
-    for (uint32_t i = 0; i < PALP_AXES && t->report.state != PALP_STATE_RUN; i++)
-        t->trouble[i] = palp_servo_trouble(l->servo, i);
-    if (t != &l->scratch) ring_end(&l->ring);
+    t->load_count = palp_scene_loads(l->scene, 0, t->load);
+    if (t != l->scratch) ring_end(&l->ring);
 }
 
 /* Torques to zero and drives to idle, whatever the state was. */
 static void close_down(servo_loop *l) {
-    tick_record *t = &l->scratch;
-    if (l->lockstep && l->memory == NULL) return; /* the other end has gone by now */
+    uint64_t digest = 0;
+    if (l->lockstep && !l->simulated) return; /* the other end has gone by now */
     for (int i = 0; i < CLOSING_TICKS; i++) {
-        palp_tick_input in = {.events = PALP_EVENT_ESTOP};
-        uint32_t n = palp_servo_tick(l->servo, &in, t->out, &t->report);
-        send(l, 0, t->out, n);
+        tick_record *t = l->scratch;
+        for (uint32_t h = 0; h < t->hands; h++) {
+            t->hand[h].in_count = 0;
+            t->hand[h].events = PALP_EVENT_ESTOP;
+        }
+        answer(l, t, &digest);
+        for (uint32_t h = 0; h < t->hands; h++)
+            send(l, &l->line[h], 0, t->hand[h].out, t->hand[h].out_count);
     }
 }
 
@@ -184,35 +234,57 @@ static uint32_t wait(uint64_t period_ns, uint64_t *next, float *late_us) {
 }
 
 /* Says hello until the other end has something to say. */
-static void meet(servo_loop *l) {
+static void meet(servo_loop *l, can_port *port) {
     palp_can_frame hello = lockstep_mark(LOCKSTEP_HELLO, 0);
     for (int i = 0; i < 100 && !l->stop; i++) {
-        (void)lockstep_send(&l->port, &hello);
-        if (can_wait(&l->port, 100)) return;
+        (void)lockstep_send(port, &hello);
+        if (can_wait(port, 100)) return;
+    }
+}
+
+/* Periods that faults make the controller miss now: simulated devices go on without it. */
+static uint32_t miss(servo_loop *l) {
+    const double dt_s = 1 / l->rate_hz;
+    uint32_t skipped = 0, events;
+    for (uint32_t h = 0; h < l->setup->config.hands; h++) {
+        const memory_bus *m = &l->line[h].memory;
+        const uint32_t missed = m->overrun(m->context, dt_s);
+        skipped = missed > skipped ? missed : skipped;
+    }
+    for (uint32_t h = 0; h < l->setup->config.hands; h++) {
+        const memory_bus *m = &l->line[h].memory;
+        for (uint32_t i = 0; i < skipped; i++)
+            (void)m->pass(m->context, dt_s, l->scratch->hand[h].in, RECORD_FRAMES, &events);
+    }
+    return skipped;
+}
+
+static void listen_all(servo_loop *l) {
+    for (uint32_t h = 0; h < l->setup->config.hands; h++) {
+        can_port *port = &l->line[h].port;
+        if (can_listen(port) && l->lockstep) meet(l, port);
     }
 }
 
 void *loop_run(void *context) {
     servo_loop *l = context;
+    const uint32_t hands = l->setup->config.hands;
     uint64_t period_ns = (uint64_t)(1e9 / l->rate_hz), digest = 0;
     subnormals_off();
-    if (l->memory == NULL && can_listen(&l->port) && l->lockstep) meet(l);
+    l->scratch->hands = hands;
+    l->scratch->bodies = l->setup->config.bodies;
+    if (!l->simulated) listen_all(l);
     uint64_t next = monotonic_ns(NULL), faults = 0;
     for (uint64_t tick = 0; (l->ticks == 0 || tick < l->ticks) && !l->stop; tick++) {
-        uint32_t skipped =
-            l->memory != NULL ? l->memory->overrun(l->memory->context, 1 / l->rate_hz) : 0;
-        for (uint32_t i = 0; i < skipped; i++) { /* the device goes on without us */
-            uint32_t events;
-            (void)l->memory->pass(l->memory->context, 1 / l->rate_hz, l->scratch.in, RECORD_FRAMES,
-                                  &events);
-        }
+        uint32_t skipped = l->simulated ? miss(l) : 0;
         float late_us = 0;
         if (l->paced) {
             uint32_t missed = wait(period_ns, &next, &late_us);
-            if (l->memory == NULL) skipped = missed;
+            if (!l->simulated) skipped = missed;
         }
         tick += skipped;
-        if (l->memory == NULL && skipped > STALE_PERIODS) can_drain(&l->port);
+        for (uint32_t h = 0; h < hands && !l->simulated && skipped > STALE_PERIODS; h++)
+            can_drain(&l->line[h].port);
         one_tick(l, tick, skipped, late_us, &digest);
         if (l->done++ == 10) faults = minor_faults(); /* by then everything has been touched */
     }

@@ -41,24 +41,32 @@ typedef struct {
     uint32_t (*overrun)(void *context, double dt_s);
 } memory_bus;
 
+/* The way to a device. */
 typedef struct {
-    palp_servo *servo;
+    memory_bus memory; /* where the loop is simulated */
+    can_port port;     /* else */
+} loop_line;
+
+typedef struct {
+    const scene_setup *setup;
+    palp_scene *scene;
+    loop_line line[PALP_SCENE_HANDS];
     double rate_hz;
-    uint64_t ticks;           /* 0: until stopped */
-    const memory_bus *memory; /* NULL: the bus is `port` */
-    can_port port;
-    bool paced;    /* wait for the clock; else as fast as it goes, dropping nothing */
-    bool lockstep; /* no clock at all */
-    bool hold;     /* stay in READY until the operator's first reset */
-    bool home;     /* the mechanism stands at its home pose at the start */
-    ring ring;     /* of tick_record */
+    uint64_t ticks; /* 0: until stopped */
+    bool simulated; /* devices in this process */
+    bool paced;     /* wait for the clock; else as fast as it goes, dropping nothing */
+    bool lockstep;  /* no clock at all */
+    bool hold;      /* stay in READY until the operator's first reset */
+    bool home;      /* mechanisms stand at their home poses at the start */
+    ring ring;      /* of tick_record, record_bytes each */
     _Atomic uint32_t operator_events; /* RESET and ESTOP, set by anybody, used once */
     _Atomic bool stop, finished;
     /* Written by the loop, to be read when it has finished. */
     uint64_t done, minor_faults, lockstep_lost;
+    uint64_t periods;     /* since the start, those that were missed as well */
     tick_record *current; /* where the clock's readings go */
     uint64_t first_ns;    /* first reading of the tick */
-    tick_record scratch;  /* for ticks that find the ring full */
+    tick_record *scratch; /* for ticks that find the ring full */
 } servo_loop;
 
 /* The port's clock for a servo in this loop: context is the servo_loop. */

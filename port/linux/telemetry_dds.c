@@ -28,6 +28,7 @@ typedef struct {
 
 struct telemetry {
     dds_entity_t participant, joints, wrench, pose, fault;
+    char of[24]; /* what names the device in its topics: nothing for the first */
     uint32_t axes;
     float gear[PALP_AXES];
     ring ring;
@@ -47,12 +48,14 @@ static dds_entity_t check(dds_entity_t e, const char *what) {
 /* The newest only, and if it is lost the next will do; or all faults, also for who comes late. */
 static dds_entity_t writer(const telemetry *t, const dds_topic_descriptor_t *type, const char *name,
                            bool keep) {
+    char topic_name[64];
+    snprintf(topic_name, sizeof topic_name, "rt/palp/%s%s", t->of, name);
     dds_qos_t *q = dds_create_qos();
     dds_qset_history(q, DDS_HISTORY_KEEP_LAST, keep ? 16 : 1);
     dds_qset_reliability(q, keep ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
                          DDS_MSECS(10));
     if (keep) dds_qset_durability(q, DDS_DURABILITY_TRANSIENT_LOCAL);
-    dds_entity_t topic = check(dds_create_topic(t->participant, type, name, NULL, NULL), name);
+    dds_entity_t topic = check(dds_create_topic(t->participant, type, topic_name, NULL, NULL), name);
     dds_entity_t w = check(dds_create_writer(t->participant, topic, q, NULL), name);
     dds_delete_qos(q);
     return w;
@@ -139,16 +142,17 @@ static void *write_all(void *context) {
     }
 }
 
-telemetry *telemetry_open(const palp_device *device) {
+telemetry *telemetry_open(const palp_device *device, uint32_t number) {
     telemetry *t = allocate(1, sizeof *t);
     t->axes = palp_axes(&device->kinematics);
     memcpy(t->gear, device->gear, sizeof t->gear);
+    if (number > 0) snprintf(t->of, sizeof t->of, "device%u/", number % PALP_SCENE_HANDS);
     t->participant =
         check(dds_create_participant(DDS_DOMAIN_DEFAULT, NULL, NULL), "no participant");
-    t->joints = writer(t, &sensor_msgs_msg_dds__JointState__desc, "rt/palp/joint_states", false);
-    t->wrench = writer(t, &geometry_msgs_msg_dds__WrenchStamped__desc, "rt/palp/wrench", false);
-    t->pose = writer(t, &geometry_msgs_msg_dds__PoseStamped__desc, "rt/palp/pose", false);
-    t->fault = writer(t, &std_msgs_msg_dds__String__desc, "rt/palp/fault", true);
+    t->joints = writer(t, &sensor_msgs_msg_dds__JointState__desc, "joint_states", false);
+    t->wrench = writer(t, &geometry_msgs_msg_dds__WrenchStamped__desc, "wrench", false);
+    t->pose = writer(t, &geometry_msgs_msg_dds__PoseStamped__desc, "pose", false);
+    t->fault = writer(t, &std_msgs_msg_dds__String__desc, "fault", true);
     t->ring =
         (ring){.memory = allocate(SLOTS, sizeof(sample)), .slots = SLOTS, .bytes = sizeof(sample)};
     if (pthread_create(&t->thread, NULL, write_all, t) != 0)
@@ -156,8 +160,7 @@ telemetry *telemetry_open(const palp_device *device) {
     return t;
 }
 
-void telemetry_publish(telemetry *t, const tick_record *tick) {
-    const palp_report *r = &tick->report;
+void telemetry_publish(telemetry *t, const palp_report *r) {
     struct timespec now;
     sample *s = ring_begin(&t->ring);
     if (s == NULL) return;

@@ -3,13 +3,14 @@
 #include "port/linux/telemetry.h"
 #include "port/host/util.h"
 
-telemetry *telemetry_open(const palp_device *device) {
+telemetry *telemetry_open(const palp_device *device, uint32_t number) {
     (void)device;
+    (void)number;
     die(EXIT_USAGE, "--dds: built without DDS: install cyclonedds-dev and cyclonedds-tools, and "
                     "run make again");
 }
-void telemetry_publish(telemetry *t, const tick_record *tick) {
+void telemetry_publish(telemetry *t, const palp_report *r) {
     (void)t;
-    (void)tick;
+    (void)r;
 }
 void telemetry_close(telemetry *t) { (void)t; }

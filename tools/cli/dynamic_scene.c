@@ -4,7 +4,7 @@
 #include "core/servo/dynamic.h"
 #include "tools/cli/animation.h"
 #include "tools/cli/play.h"
-#include "tools/cli/scene.h"
+#include "port/host/scenefile.h"
 #include "tools/study/plot.h"
 #include "port/host/blobfile.h"
 #include "port/host/util.h"
@@ -33,7 +33,7 @@ typedef struct {
 
 typedef struct {
     const play_spec *spec;
-    scene s;
+    scene_file *s;
     palp_tets tets;
     palp_dynamic body;
     palp_skin skin;
@@ -88,19 +88,19 @@ static palp_vec3 vec(const double x[3]) {
 
 static void open_body(player *p) {
     const play_spec *s = p->spec;
-    scene_tools(&p->s, p->tool, p->which, &p->tools);
-    double budget = play_budget_us(s, p->s.rate_hz);
+    scene_tools(p->s, p->tool, p->which, &p->tools);
+    double budget = play_budget_us(s, p->s->rate_hz);
     palp_dynamic_config c = {.tets = &p->tets,
                              .material = choose_material(p),
-                             .gravity_m_s2 = vec(p->s.gravity_m_s2),
+                             .gravity_m_s2 = vec(p->s->body[0].gravity_m_s2),
                              .adapt = palp_adapt_defaults(&p->tets),
                              .tools = p->tool,
                              .tool_count = p->tools,
                              .max_points = POINTS,
                              .most_class = s->most_class,
-                             .cost = machine_table(&s->machine, budget * 1e-6 * p->s.rate_hz),
+                             .cost = machine_table(&s->machine, budget * 1e-6 * p->s->rate_hz),
                              .port = {.now_ns = now_ns, .context = p},
-                             .tick_s = (float)(1 / p->s.rate_hz),
+                             .tick_s = (float)(1 / p->s->rate_hz),
                              .uniform = s->uniform};
     if (s->refine_share > 0) {
         c.adapt.refine_m = (float)s->refine_share * p->tets.meta->diagonal_m;
@@ -109,7 +109,7 @@ static void open_body(player *p) {
     size_t bytes = palp_dynamic_memsize(&p->tets, POINTS);
     palp_frame at[SCENE_TRACKS];
     float bound_ns = 0;
-    scene_tools_at(&p->s, p->which, p->tools, 0, at);
+    scene_tools_at(p->s, p->which, p->tools, 0, at);
     palp_status status =
         palp_dynamic_init(&p->body, &c, at, allocate_aligned(bytes, 1), bytes, &bound_ns);
     if (status == PALP_ERR_BUDGET)
@@ -127,7 +127,7 @@ static void open_body(player *p) {
         reach = palp_max(reach, palp_norm(palp_vec3_at(p->tets.rest_m + 3 * (size_t)i)));
     p->animation = animation_open(p->tets.meta->skin, p->tets.meta->skin_triangles,
                                   p->tets.skin_triangle, 1 / FRAMES_HZ, 3 * (double)reach,
-                                  p->s.has[SCENE_PROBE] ? p->s.probe_radius_m : 0);
+                                  p->s->has[SCENE_PROBE] ? p->s->probe_radius_m : 0);
 }
 
 /* Largest displacement of the surface, and how it stepped. */
@@ -136,7 +136,7 @@ static void look_at_surface(player *p, dynamic_tick *k, const float *before) {
         palp_vec3 now = palp_vec3_at(p->skin.position_m + 3 * i);
         palp_vec3 rest = palp_vec3_at(p->tets.rest_m + 3 * (size_t)p->tets.skin_node[i]);
         double moved = (double)palp_norm(palp_sub(now, palp_vec3_at(before + 3 * i)));
-        double speed = (double)palp_norm(palp_skin_velocity(&p->body.dyna, i)) / p->s.rate_hz;
+        double speed = (double)palp_norm(palp_skin_velocity(&p->body.dyna, i)) / p->s->rate_hz;
         k->displaced_m = fmax(k->displaced_m, (double)palp_norm(palp_sub(now, rest)));
         p->step_m = fmax(p->step_m, speed);
         p->fade_m = fmax(p->fade_m, moved - speed);
@@ -145,8 +145,8 @@ static void look_at_surface(player *p, dynamic_tick *k, const float *before) {
 }
 
 static void run(player *p) {
-    size_t frame_every = (size_t)fmax(1, p->s.rate_hz / FRAMES_HZ), skin = p->tets.meta->skin;
-    p->ticks = (size_t)(p->s.seconds * p->s.rate_hz);
+    size_t frame_every = (size_t)fmax(1, p->s->rate_hz / FRAMES_HZ), skin = p->tets.meta->skin;
+    p->ticks = (size_t)(p->s->seconds * p->s->rate_hz);
     if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", p->spec->scene);
     if (p->ticks > MOST_TICKS)
         die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
@@ -156,8 +156,8 @@ static void run(player *p) {
         dynamic_tick *k = &p->tick[i];
         palp_frame at[SCENE_TRACKS];
         palp_wrench on_tool[SCENE_TRACKS];
-        k->t_s = (double)(i + 1) / p->s.rate_hz;
-        scene_tools_at(&p->s, p->which, p->tools, k->t_s, at);
+        k->t_s = (double)(i + 1) / p->s->rate_hz;
+        scene_tools_at(p->s, p->which, p->tools, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
         p->begun_work = p->body.work_ns;
         p->begun_s = now_s();
@@ -167,11 +167,11 @@ static void run(player *p) {
         for (uint32_t t = 0; t < p->tools && p->which[t] < SCENE_TRACKS; t++)
             k->force_N[p->which[t]] = on_tool[t].force_N;
         memcpy(before, p->skin.position_m, 3 * skin * sizeof *before);
-        palp_skin_update(&p->skin, (float)(1 / p->s.rate_hz));
+        palp_skin_update(&p->skin, (float)(1 / p->s->rate_hz));
         look_at_surface(p, k, before);
         if (i % frame_every == 0 && p->spec->report != NULL) {
             double ball[3];
-            scene_at(&p->s.track[SCENE_PROBE], k->t_s, ball);
+            scene_at(&p->s->track[SCENE_PROBE], k->t_s, ball);
             const float b[3] = {(float)ball[0], (float)ball[1], (float)ball[2]};
             animation_add(&p->animation, p->skin.position_m, p->body.dyna.skin_level, b);
         }
@@ -187,7 +187,7 @@ static double force_of(const dynamic_tick *k) {
 
 static size_t late_ticks(const player *p) {
     size_t late = 0;
-    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].asked_us > 1e6 / p->s.rate_hz;
+    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].asked_us > 1e6 / p->s->rate_hz;
     return late;
 }
 
@@ -238,10 +238,10 @@ static void summary(FILE *f, const player *p) {
     }
     percentiles asked = times(p, false), wall = times(p, true);
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
-            p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+            p->ticks, p->s->rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
     play_print_machine(f, p->spec);
     fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", asked.p50,
-            asked.p99, asked.max, play_budget_us(p->spec, p->s.rate_hz));
+            asked.p99, asked.max, play_budget_us(p->spec, p->s->rate_hz));
     fprintf(f, "wall clock here       p50 %.1f, p99 %.1f, max %.1f us\n", wall.p50, wall.p99,
             wall.max);
     fprintf(f,
@@ -384,7 +384,9 @@ int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     p->spec = s;
     palp_status status = palp_tets_open(&p->tets, data, bytes);
     if (status != PALP_OK) die_of_blob(s->blob, status, bytes);
-    p->s = scene_read(s->scene, NULL);
+    p->s = scene_read(s->scene);
+    if (p->s->body[0].motions > 0)
+        die(EXIT_USAGE, "%s: a dynamic body has no joints", p->s->body[0].motion[0].where);
     open_body(p);
     run(p);
     summary(stdout, p);
@@ -392,7 +394,7 @@ int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     if (s->report != NULL) write_report(p, s->report);
     bool late = late_ticks(p) > 0 && !s->wall;
     animation_free(&p->animation);
-    scene_free(&p->s);
+    scene_free(p->s);
     free(p->tick);
     free(p);
     return late ? EXIT_WORK : EXIT_SUCCESS;

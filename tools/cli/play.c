@@ -5,7 +5,8 @@
 #include "core/contact/loads.h"
 #include "core/servo/answer.h"
 #include "tools/cli/play.h"
-#include "tools/cli/scene.h"
+#include "port/host/joints.h"
+#include "port/host/scenefile.h"
 #include "port/host/view.h"
 #include "port/host/args.h"
 #include "tools/cli/commands.h"
@@ -112,7 +113,8 @@ typedef struct {
 
 typedef struct {
     const play_spec *spec;
-    scene s;
+    scene_file *s;
+    const scene_track *joint[PALP_MAX_JOINTS]; /* of the scene; NULL: at rest */
     palp_zones *z;
     palp_assembly *a;
     palp_answer *b;
@@ -131,6 +133,18 @@ static uint64_t now_ns(void *context) {
     if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
     double work = (double)(palp_answer_work(p->b) - p->begun_work);
     return p->begun_ns + (uint64_t)(work * p->ns_per_operation);
+}
+
+/* Which joint each motion of the scene is of. */
+static void find_joints(player *p) {
+    const scene_body *b = &p->s->body[0];
+    for (size_t i = 0; i < b->motions; i++) {
+        const scene_motion *m = &b->motion[i];
+        const uint32_t j = find_joint(m->where, p->z, m->joint);
+        for (size_t k = 0; k < m->track.count; k++)
+            check_joint(m->where, p->z, j, m->track.key[k].value[0]);
+        p->joint[j] = &m->track;
+    }
 }
 
 static palp_vec3 vec(const double x[3]) {
@@ -166,12 +180,12 @@ static void open_player(player *p) {
     palp_status status =
         palp_assembly_init(p->a, p->z, s->finest, allocate_aligned(bytes + 1, 1), bytes);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
-    palp_vec3 gravity = vec(p->s.gravity_m_s2);
+    palp_vec3 gravity = vec(p->s->body[0].gravity_m_s2);
     if (palp_norm(gravity) > 0.0f && palp_assembly_gravity(p->a, gravity) != PALP_OK)
         die(EXIT_WORK, "%s: a zone has no gravity response", s->blob);
-    scene_tools(&p->s, p->tool, p->which, &p->tools);
-    double period_us = 1e6 / p->s.rate_hz;
-    double budget = play_budget_us(s, p->s.rate_hz);
+    scene_tools(p->s, p->tool, p->which, &p->tools);
+    double period_us = 1e6 / p->s->rate_hz;
+    double budget = play_budget_us(s, p->s->rate_hz);
     palp_answer_config config = {.contact = {.assembly = p->a,
                                              .pairs = !s->alone,
                                              .tools = p->tool,
@@ -179,7 +193,7 @@ static void open_player(player *p) {
                                              .finest = PALP_CONTACT_FINEST},
                                  .cost = machine_table(&s->machine, budget / period_us),
                                  .port = {.now_ns = now_ns, .context = p},
-                                 .dt_s = (float)(1 / p->s.rate_hz)};
+                                 .dt_s = (float)(1 / p->s->rate_hz)};
     bytes = palp_answer_memsize(&config.contact);
     void *memory = allocate_aligned(bytes, 1);
     float bound_ns = 0;
@@ -194,7 +208,7 @@ static void open_player(player *p) {
             s->blob, (double)bound_ns * 1e-3, s->machine.target.name, budget);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", s->blob, palp_status_text(status));
     for (uint32_t t = 0; t < p->tools; t++)
-        p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s.stiffness_N_per_m;
+        p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s->stiffness_N_per_m;
 }
 
 /* The deformed surface in the world, and how far each node is displaced. */
@@ -239,7 +253,7 @@ static void take_picture(player *p) {
 static void run(player *p) {
     const palp_frame rest = PALP_FRAME_IDENTITY;
     double most = -1;
-    p->ticks = (size_t)(p->s.seconds * p->s.rate_hz);
+    p->ticks = (size_t)(p->s->seconds * p->s->rate_hz);
     if (p->ticks > MOST_TICKS)
         die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
     p->tick = allocate(p->ticks + 1, sizeof *p->tick);
@@ -248,14 +262,14 @@ static void run(player *p) {
         float value[PALP_MAX_JOINTS];
         palp_frame at[PALP_CONTACT_TOOLS];
         palp_coupling_result result[PALP_CONTACT_TOOLS];
-        k->t_s = (double)i / p->s.rate_hz;
+        k->t_s = (double)i / p->s->rate_hz;
         for (uint32_t j = 0; j < p->z->meta->joints; j++) {
-            double x[3];
-            scene_at(&p->s.joint[j], k->t_s, x);
+            double x[3] = {0};
+            if (p->joint[j] != NULL) scene_at(p->joint[j], k->t_s, x);
             value[j] = (float)x[0];
             k->value[j] = x[0];
         }
-        scene_tools_at(&p->s, p->which, p->tools, k->t_s, at);
+        scene_tools_at(p->s, p->which, p->tools, k->t_s, at);
         p->begun_ns = (uint64_t)(k->t_s * 1e9);
         p->begun_work = palp_answer_work(p->b);
         double start = now_s();
@@ -293,7 +307,7 @@ static percentiles times(const player *p, bool wall) {
 
 static size_t late_ticks(const player *p) {
     size_t late = 0;
-    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].budget_us_used > 1e6 / p->s.rate_hz;
+    for (size_t i = 0; i < p->ticks; i++) late += p->tick[i].budget_us_used > 1e6 / p->s->rate_hz;
     return late;
 }
 
@@ -310,9 +324,9 @@ static void summary(FILE *f, const player *p) {
             force[t] = fmax(force[t], (double)palp_norm(k->force_N[t]));
     }
     percentiles work = times(p, false), wall = times(p, true);
-    double budget = (double)p->b->config.cost.margin * 1e6 / p->s.rate_hz;
+    double budget = (double)p->b->config.cost.margin * 1e6 / p->s->rate_hz;
     fprintf(f, "ticks                 %zu at %g Hz, %zu late by the clock that is asked (%s)\n",
-            p->ticks, p->s.rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
+            p->ticks, p->s->rate_hz, late_ticks(p), p->spec->wall ? "wall" : "work");
     play_print_machine(f, p->spec);
     fprintf(f, "tick                  p50 %.1f, p99 %.1f, max %.1f us, budget %.0f us\n", work.p50,
             work.p99, work.max, budget);
@@ -436,10 +450,10 @@ static void write_report(const player *p, const char *path) {
                               .heat = p->heat[i]};
     view_cylinder cylinder = {
         {(double)k->tool_m[0].x, (double)k->tool_m[0].y, (double)k->tool_m[0].z},
-        {p->s.cylinder[2], p->s.cylinder[3], p->s.cylinder[4]},
-        p->s.cylinder[0],
-        p->s.cylinder[1]};
-    view_posed(f, body, p->z->meta->zones, p->s.has[SCENE_OBJECT] ? &cylinder : NULL, 900, 560);
+        {p->s->cylinder[2], p->s->cylinder[3], p->s->cylinder[4]},
+        p->s->cylinder[0],
+        p->s->cylinder[1]};
+    view_posed(f, body, p->z->meta->zones, p->s->has[SCENE_OBJECT] ? &cylinder : NULL, 900, 560);
     draw(f, p, "Joint values", "rad or m", joint_value, p->z->meta->joints, joint_name);
     draw(f, p, "Force", "N", force_value, SCENE_TRACKS, force_name);
     draw(f, p, "Level of the seams", "level", level_value, 1, level_name);
@@ -504,7 +518,8 @@ int command_play(int argc, char **argv) {
     player *p = allocate(1, sizeof *p);
     p->spec = &s;
     p->z = open_zones(s.blob, data, bytes);
-    p->s = scene_read(s.scene, p->z);
+    p->s = scene_read(s.scene);
+    find_joints(p);
     open_player(p);
     run(p);
     if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", s.scene);

@@ -37,21 +37,34 @@ int command_report(int argc, char **argv) {
     if (s.log == NULL || s.page == NULL) die(EXIT_USAGE, "need a log and -o OUT.html (--help)");
     session_record session;
     record_reader *reader = record_open(s.log, &session);
-    run_record r = {.rate_hz = (double)session.config.device.drives.rate_hz,
-                    .blob_name = s.log,
-                    .device_name = "as recorded",
-                    .bus_name = session.bus,
-                    .bus_load = "not in a log",
-                    .from_log = true};
-    size_t capacity = 0, late_capacity = 0;
-    tick_record *t = allocate(1, sizeof *t);
+    const scene_file *scene = session.scene;
+    run_record r = {
+        .hands = scene->devices, .rate_hz = scene->rate_hz, .title = s.log, .from_log = true};
+    for (uint32_t h = 0; h < r.hands; h++)
+        r.hand[h] = (run_hand){.device_name = h == 0 && r.hands == 1 ? "as recorded"
+                                                                     : scene->device[h].name,
+                               .bus_name = scene->device[h].bus,
+                               .bus_load = "not in a log"};
+    size_t capacity[PALP_SCENE_HANDS] = {0}, late_capacity = 0;
+    tick_record *t = allocate(1, record_bytes(r.hands));
     for (uint64_t lost; record_next(reader, t, &lost); r.count++) {
-        r.tick = grow(r.tick, &capacity, r.count + 1, sizeof *r.tick);
         r.late_us = grow(r.late_us, &late_capacity, r.count + 1, sizeof *r.late_us);
-        r.tick[r.count] = t->report;
         r.late_us[r.count] = t->late_us;
+        for (uint32_t h = 0; h < r.hands; h++) {
+            run_hand *of = &r.hand[h];
+            of->tick = grow(of->tick, &capacity[h], r.count + 1, sizeof *of->tick);
+            of->tick[r.count] = t->hand[h].report;
+        }
+        r.bodies = t->bodies;
+        for (uint32_t b = 0; b < t->bodies; b++) {
+            r.body[b].kind = t->kind[b];
+            r.body[b].name = b < scene->bodies ? scene->body[b].name : "";
+            run_body_add(&r.body[b], &t->body[b]);
+        }
     }
-    r.totalled = record_totals(reader, &r.totals);
+    run_totals totals[PALP_SCENE_HANDS];
+    r.totalled = record_totals(reader, totals);
+    for (uint32_t h = 0; h < r.hands && r.totalled; h++) r.hand[h].totals = totals[h];
     record_close(reader);
     if (r.count == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
     output page = open_output(s.page);

@@ -26,12 +26,6 @@ palp_zones *open_zones(const char *path, const char *data, size_t bytes);
 /* Seams with memory for every level, in the rest configuration. Exits 1 if they cannot be. */
 palp_seams *open_seams(const char *path, const palp_zones *zones);
 
-/* The joint of that name; exits 2 if there is none that has a value. */
-uint32_t find_joint(const char *where, const palp_zones *zones, const char *name);
-
-/* Exits 2 if a value is out of its limits. */
-void check_joint(const char *where, const palp_zones *zones, uint32_t joint, double value);
-
 /* Exits 1 if the closures of the configuration are open. */
 void check_closures(const char *where, const palp_zones *zones,
                     const palp_configuration *configuration);
