@@ -235,11 +235,31 @@ static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
         .depth_m = -d.distance_m * over, .facing = facing, .push = palp_scale(-over, d.slope)};
 }
 
+/* A ball along a segment: of its places c = s a the one that drives the node deepest along -n. Of the
+ * depth n.(x - c) + sqrt(R^2 - |p - s a'|^2), with p and a' what of x and of the axis lies across n, it is
+ * where s = (p.a' - (n.a) sqrt(R^2 |a'|^2 - |p x a'|^2)) / |a'|^2, within the segment. Moving c along
+ * the axis changes nothing there, so the push is that of the ball at c. */
+static palp_touch capsule_at(const palp_cylinder *y, palp_vec3 x, palp_vec3 n) {
+    const float lean = palp_dot(n, y->axis);
+    const palp_vec3 a = palp_madd(y->axis, -lean, n);
+    const palp_vec3 p = palp_madd(x, -palp_dot(x, n), n);
+    const float a2 = palp_dot(a, a), pa = palp_dot(p, a);
+    float s = lean > 0.0f ? -y->half_m : y->half_m;
+    if (a2 > LEAST_FACING * LEAST_FACING) {
+        const float left = y->radius_m * y->radius_m * a2 - (palp_dot(p, p) * a2 - pa * pa);
+        s = palp_clamp((pa - lean * palp_sqrt(palp_max(left, 0.0f))) / a2, -y->half_m, y->half_m);
+    }
+    const palp_ball ball = {palp_scale(s, y->axis), y->radius_m};
+    return ball_at(&ball, x, n);
+}
+
 /* In the tool's own axes. */
 static palp_touch touch_of(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
     switch (tool->shape) {
     case PALP_TOOL_CYLINDER:
-        return cylinder_at(&tool->cylinder, x, n);
+        if (tool->cylinder.rim_m < tool->cylinder.radius_m)
+            return cylinder_at(&tool->cylinder, x, n);
+        return capsule_at(&tool->cylinder, x, n);
     case PALP_TOOL_PAD:
         return pad_at(&tool->pad, x, n);
     case PALP_TOOL_FIELD:

@@ -15,7 +15,8 @@
  * depth of a node x with outward normal n: how far the node must go along -n to clear the tool at
  * c. It is a smooth function of c (continuous gradient everywhere), and the push is minus its
  * gradient: the force on the tool for a unit normal force at the node. A sphere's depth goes over
- * into a cone beyond PALP_TOOL_BETA of its radius, so that it stays defined for every node.
+ * into a cone beyond PALP_TOOL_BETA of its radius, so that it stays defined for every node. The flat
+ * ends of a cylinder do not drive nodes; those of a capsule do.
  */
 #ifndef PALP_CONTACT_TOOL_H
 #define PALP_CONTACT_TOOL_H

@@ -133,6 +133,7 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         palp_coupling_tool *k = &coupling->tool[t];
         float size = palp_tool_size(&contact->tools[t]);
         coupling->next[t] = device[t];
+        k->brought_m = (palp_vec3){0};
         if (k->absent) {
             let_go(k);
             k->tool = k->device = k->expected = coupling->next[t] = palp_tool_away();
@@ -151,6 +152,7 @@ bool palp_coupling_begin(palp_coupling *coupling, const palp_contact *contact,
         const palp_vec3 all = palp_contact_carried(contact, t);
         const palp_vec3 carried = palp_sub(all, k->carried_m); /* in this tick */
         k->carried_m = all;
+        k->brought_m = carried;
         palp_friction_carry(&k->friction, carried);
         k->expected = foresee(k, &device[t], carried, size);
     }

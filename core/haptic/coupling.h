@@ -58,7 +58,8 @@ typedef struct {
     palp_wrench contact;                    /* F of the last answer, about the tool */
     palp_wrench offset;                     /* O */
     palp_vec3 held_Nm;                      /* what of friction's moment turns the tool */
-    palp_vec3 carried_m;                    /* by the bodies that press it, since that answer */
+    palp_vec3 carried_m;                    /* by the bodies that press it, since that answer, */
+    palp_vec3 brought_m;                    /* and of that in this tick */
     float yield_per_J;                      /* k_c / F^2 */
     palp_friction friction;
     bool absent; /* set by the caller: it is far from everything, and let go */

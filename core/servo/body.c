@@ -154,6 +154,8 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         k->velocity_rad_s = palp_rotate_back(b->config.at.r, tool[t].turning_rad_s);
         b->held[t] = into(b, &tool[t].at);
     }
+    palp_vec3 before_N[PALP_CONTACT_TOOLS];
+    for (uint32_t t = 0; t < b->tool_count; t++) before_N[t] = result[t].force_N;
     palp_answer_tick(answer, start_ns, b->held, result, &a);
     const float stored = answer->contact.energy_J;
     for (uint32_t t = 0; t < b->tool_count; t++) {
@@ -163,6 +165,9 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         felt[t].held_J = result[t].energy_J - stored;
         felt[t].damped_W = result[t].damped_W;
         felt[t].moved_m = result[t].moved_m;
+        /* the force that the way met, between those at its ends */
+        felt[t].brought_J =
+            0.5f * palp_dot(palp_add(before_N[t], w.force_N), k->brought_m);
         felt[t].touching = k->touching;
         felt[t].slipping = k->friction.slipping;
     }

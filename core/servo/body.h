@@ -49,6 +49,7 @@ typedef struct {
     palp_frame tool; /* where it came to rest */
     float held_J;    /* in its springs, friction or proxy */
     float damped_W, moved_m;
+    float brought_J; /* by joints that move the body, in this tick */
     bool touching, slipping;
 } palp_body_felt;
 

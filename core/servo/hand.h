@@ -82,6 +82,7 @@ typedef struct {
     palp_wrench wrench;
     float opens_N; /* along the way on which the jaws open */
     float stored_J, damped_W;
+    float brought_J; /* by what moves the bodies, in this tick */
 } palp_hand_felt;
 
 /* What comes out of a tick for one device. */

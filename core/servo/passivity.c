@@ -164,6 +164,10 @@ float palp_passivity_share(palp_passivity *p, const palp_passivity_config *c, co
 
 static float above(float a, float b) { return palp_max(a - b, 0.0f); }
 
+void palp_passivity_bring(palp_passivity *p, float work_J) {
+    if (palp_is_finite(work_J)) p->energy_J += work_J;
+}
+
 void palp_passivity_pass_on(palp_passivity *p, float stored_J, palp_passivity *other,
                             float other_stored_J) {
     const float spare =

@@ -102,6 +102,10 @@ void palp_passivity_observe(palp_passivity *p, const palp_passivity_config *conf
 float palp_passivity_share(palp_passivity *p, const palp_passivity_config *config,
                            const palp_wrench *wrench, float stored_J, float damped_W, bool steady);
 
+/* What motors of the scene have put into it, or taken out, in this tick: a joint that moves a body
+ * against the tool does work that the hand may get. Before the share. */
+void palp_passivity_bring(palp_passivity *p, float work_J);
+
 /* Of two hands on one body, what that of p has put in and `other` may take out: what is missing in the
  * other's books, or what is beyond all that p could get back and has room there. Before the share. */
 void palp_passivity_pass_on(palp_passivity *p, float stored_J, palp_passivity *other,

@@ -298,6 +298,7 @@ static void gather(const palp_scene *s, uint32_t hand, palp_hand_felt *sum) {
             sum->opens_N += s->mount[t].jaw * palp_dot(f->wrench.force_N, y);
             sum->stored_J += f->held_J;
             sum->damped_W += f->damped_W;
+            sum->brought_J += f->brought_J;
             touches = touches || f->touching;
         }
         if (touches) sum->stored_J += s->body_report[b].stored_J;
@@ -386,7 +387,9 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
     }
     for (uint32_t h = 0; h < s->hands; h++) {
         s->sum[h] = (palp_hand_felt){.opens_N = 0.0f};
-        if (s->hand[h].feels) gather(s, h, &s->sum[h]);
+        if (!s->hand[h].feels) continue;
+        gather(s, h, &s->sum[h]);
+        palp_passivity_bring(&s->hand[h].output.passivity, s->hand[h].gain * s->sum[h].brought_J);
     }
     if (s->hands > 1u) share_energy(s);
     for (uint32_t h = 0; h < s->hands; h++)

@@ -69,7 +69,7 @@ typedef struct {
 typedef struct palp_scene palp_scene;
 
 /* What a scene takes besides its hands, tools and bodies, at most. */
-#define PALP_SCENE_OBJECT 9216u
+#define PALP_SCENE_OBJECT 9728u
 
 /* Bytes for a scene; 0 if its counts or a body are out of range. */
 size_t palp_scene_memsize(const palp_scene_config *config);

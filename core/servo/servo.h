@@ -36,7 +36,7 @@ typedef struct palp_servo palp_servo;
 
 /* Bytes for a servo: on any blob, as a constant for static memory; and on this blob, 0 if it has no
  * regular part or `finest` is no level. */
-#define PALP_SERVO_OBJECT 30208u
+#define PALP_SERVO_OBJECT 30720u
 #define PALP_SERVO_BYTES(finest) (PALP_SERVO_OBJECT + PALP_CONTACT_BYTES(1u, finest))
 size_t palp_servo_memsize(const palp_blob *blob, uint32_t finest);
 

@@ -254,8 +254,12 @@ static void place_device(scene_setup *s, uint32_t number) {
 
 static void open_device(scene_setup *s, uint32_t number) {
     scene_device *d = &s->file->device[number];
-    if (d->text == NULL) d->text = device_text(d->name);
-    s->device[number] = device_read(d->name, d->text);
+    if (d->text != NULL) {
+        s->device[number] = device_read(d->name, d->text);
+    } else {
+        s->device[number] = device_load(d->name);
+        d->text = device_text(d->name);
+    }
     s->device[number].device.drives.rate_hz = (float)s->file->rate_hz;
 }
 

@@ -72,8 +72,12 @@ uint64_t loop_clock(void *context) {
 
 static void receive_lockstep(servo_loop *l, can_port *port, uint32_t tick, tick_hand *hand) {
     lockstep_turn turn = {.tick = LOCKSTEP_HELLO};
-    if (!lockstep_receive(port, LOCKSTEP_PATIENCE_MS, hand->in, RECORD_FRAMES, &turn,
-                          &l->lockstep_lost))
+    bool here;
+    do { /* hellos said again are nothing */
+        here = lockstep_receive(port, LOCKSTEP_PATIENCE_MS, hand->in, RECORD_FRAMES, &turn,
+                                &l->lockstep_lost);
+    } while (here && turn.tick == LOCKSTEP_HELLO && !l->stop);
+    if (!here)
         port->events |= PALP_EVENT_BUS_DOWN;
     else if (turn.tick != tick)
         l->lockstep_lost++;

@@ -98,7 +98,8 @@ head -n -2 bar.obj > open.obj
 "$palp" fill open.obj --nodes 100 -o fill.mesh > /dev/null 2> err.txt && grep -q "1 hole(s) closed" err.txt
 ok $? "fill of an open surface: $(cat err.txt)"
 refuses 1 "a dynamic body, which has no Green's functions" "solve" "$palp" solve bar.palp --gravity 0 0 -1 -o out.csv
-refuses 1 "a dynamic body, which has no Green's functions" "the controller" "$palpd" bar.palp --bus loop --device arm3 --seconds 1
+"$palpd" bar.palp --bus loop --device arm3 --seconds 1 --rate 60 --target x86-64-avx2 --no-wait > felt.txt 2>&1 && grep -q 'bar (dynamic)' felt.txt
+ok $? "the controller feels it: $(grep '^largest' felt.txt) $(head -1 felt.txt)"
 head -c 60000 bar.palp > short.palp
 refuses 1 "short.palp" "a truncated blob" "$palp" play short.palp --scene poke.scene --ns-per-operation 0.15 -o out.csv
 done_testing

@@ -6,6 +6,7 @@
 #include "port/host/machine.h"
 #include "port/host/util.h"
 #include "core/servo/answer.h"
+#include "tools/wcet/scene_bounds.h"
 #include "tools/wcet/wcet.h"
 #include <inttypes.h>
 #include <math.h>
@@ -13,7 +14,7 @@
 #include <string.h>
 
 static const char help[] =
-    "usage: palp wcet BLOB [--rate HZ] [--target NAME|FILE] [--limits K N NEW PIVOTS] "
+    "usage: palp wcet BLOB|SCENE [--rate HZ] [--target NAME|FILE] [--limits K N NEW PIVOTS] "
     "[--friction]\n"
     "                      [--tool ball|pad|cylinder] [--margin SHARE] [--hunt SECONDS] [--keep "
     "FILE]\n"
@@ -23,7 +24,7 @@ static const char help[] =
     "touched and\n"
     "time, and whether a servo at this rate is opened (the least answer fits) or refused.\n"
     "\n"
-    "  --rate HZ         default 1000\n"
+    "  --rate HZ         default 1000, or as the scene says\n"
     "  --target          x86-64, x86-64-avx2, cortex-a53, cortex-m7, or a file of palp calibrate;\n"
     "                    default: what this program was built for\n"
     "  --ns-per-operation N   instead: an assumed machine, N ns for each operation that the code "
@@ -86,7 +87,7 @@ static void set_option(void *context, const argument *a) {
 
 /* ---- one row of the table ---- */
 
-static void add(wcet_table *t, const char *step, const char *counts, int level, int outer,
+void wcet_add(wcet_table *t, const char *step, const char *counts, int level, int outer,
                 double instructions, double bytes) {
     t->row = grow(t->row, &t->capacity, t->rows + 1, sizeof *t->row);
     wcet_row *r = &t->row[t->rows++];
@@ -174,11 +175,11 @@ static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost a
                 if (steps[i].of == least) sum[k] += always[k];
                 if (steps[i].of == tick) sum[k] += whole[k];
             }
-            add(t, steps[i].step, counts, (int)n, (int)n, sum[0], sum[1]);
+            wcet_add(t, steps[i].step, counts, (int)n, (int)n, sum[0], sum[1]);
         }
     }
     const body_level coarsest = {.number = 0};
-    add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
+    wcet_add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
         (double)least(&at_least[0], &coarsest) + always[0],
         (double)least(&at_least[1], &coarsest) + always[1]);
 }
@@ -240,9 +241,9 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
     for (uint32_t i = 0; i <= PALP_SEAM_LEVELS; i++) { /* the approximation first */
         const uint32_t at = i == 0 ? PALP_SEAM_LEVELS : i - 1u;
         const palp_seam_cost *one = &moving[0].seam_cost[at], *two = &moving[1].seam_cost[at];
-        add(t, "factor", "all seams", (int)i - 1, (int)i - 1, (double)one->factor,
+        wcet_add(t, "factor", "all seams", (int)i - 1, (int)i - 1, (double)one->factor,
             (double)two->factor);
-        add(t, "settle", "all seams", (int)i - 1, (int)i - 1, (double)one->settle,
+        wcet_add(t, "settle", "all seams", (int)i - 1, (int)i - 1, (double)one->settle,
             (double)two->settle);
     }
     double always[2] = {(double)palp_moving_least(&moving[0]),
@@ -307,19 +308,33 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
         for (uint32_t q = 0; q < PALP_STEP_CLASSES; q++)
             tick[k][q] = (double)palp_dynamic_cost_tick(&d, q);
     }
-    add(t, "adapt", "all families, all changes", 0, 0, adapt[0], adapt[1]);
-    add(t, "tick", "coarsest mesh, one step", 0, 0, coarse[0], coarse[1]);
+    wcet_add(t, "adapt", "all families, all changes", 0, 0, adapt[0], adapt[1]);
+    wcet_add(t, "tick", "coarsest mesh, one step", 0, 0, coarse[0], coarse[1]);
     for (uint32_t q = 0; q < PALP_STEP_CLASSES; q++) {
         char counts[64];
         snprintf(counts, sizeof counts, "finest mesh, %u steps", palp_dyna_steps(&d.dyna, q));
         if (q > 0 && palp_dyna_steps(&d.dyna, q) == palp_dyna_steps(&d.dyna, q - 1u)) break;
-        add(t, "tick", counts, (int)meta->levels - 1, (int)meta->levels - 1, tick[0][q],
+        wcet_add(t, "tick", counts, (int)meta->levels - 1, (int)meta->levels - 1, tick[0][q],
             tick[1][q]);
     }
-    add(t, "least", "coarsest mesh, one step, all merged", 0, 0, least[0], least[1]);
+    wcet_add(t, "least", "coarsest mesh, one step, all merged", 0, 0, least[0], least[1]);
     t->ram_bytes = room;
     t->stack_bytes = PALP_SERVO_STACK;
     free(memory);
+}
+
+/* ---- a scene ---- */
+
+static void bound_scene(wcet_spec *s, const machine *m, wcet_table *t) {
+    if (s->tools > 1 || s->friction || s->tool != WCET_BALL)
+        die(EXIT_USAGE, "--tool, --tools and --friction go with a blob: a scene says these itself");
+    if (s->search_s > 0 || s->replay != NULL)
+        die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
+    scene_file *file = scene_read(s->blob);
+    if (s->rate_hz > 0) file->rate_hz = s->rate_hz;
+    s->rate_hz = file->rate_hz;
+    const scene_setup *setup = scene_set_up(file);
+    scene_bounds(setup, m, t);
 }
 
 /* ---- what comes of it ---- */
@@ -394,34 +409,48 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
     }
 }
 
+/* What is in a blob; true if its path was replayed instead. */
+static bool bound_blob(wcet_spec *s, const machine *m, wcet_table *t) {
+    size_t bytes;
+    void *data = read_file(s->blob, &bytes);
+    const bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
+    if (!(s->rate_hz > 0)) s->rate_hz = 1000;
+    if (s->search_s > 0 && (s->tool != WCET_BALL || s->tools > 1))
+        die(EXIT_USAGE, "--hunt goes with a ball");
+    if ((zones || tets) && (s->search_s > 0 || s->replay != NULL))
+        die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
+    if (zones) {
+        bound_zones(s, m, data, bytes, t);
+    } else if (tets) {
+        bound_tets(s, m, data, bytes, t);
+    } else {
+        palp_blob blob = open_blob(s->blob, data, bytes);
+        if (s->replay != NULL) {
+            const int code = wcet_replay(s, m, &blob);
+            if (code != EXIT_SUCCESS) exit(code);
+            return true;
+        }
+        bound_body(s, m, &blob, t);
+        if (s->search_s > 0) wcet_search(s, m, &blob);
+    }
+    return false;
+}
+
 int command_wcet(int argc, char **argv) {
-    wcet_spec s = {.rate_hz = 1000, .margin = 0.8, .tools = 1};
+    wcet_spec s = {.margin = 0.8, .tools = 1};
     machine m;
     wcet_table t = {.rows = 0};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "which blob? (palp wcet --help)");
     if (s.keep != NULL && !(s.search_s > 0)) die(EXIT_USAGE, "--keep goes with --hunt");
     machine_choose(&m, s.target, s.ns_per_operation);
-    size_t bytes;
-    void *data = read_file(s.blob, &bytes);
-    if (s.search_s > 0 && (s.tool != WCET_BALL || s.tools > 1))
-        die(EXIT_USAGE, "--hunt goes with a ball");
+    if (s.limited) warn("--limits: left aside: contact has levels instead");
     if (s.replay != NULL && (s.search_s > 0 || s.json))
         die(EXIT_USAGE, "--replay prints a table of its own: not with --hunt or --json");
-    bool zones = palp_zones_are_here(data, bytes), tets = palp_tets_are_here(data, bytes);
-    if ((zones || tets) && (s.search_s > 0 || s.replay != NULL))
-        die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
-    if (s.limited) warn("--limits: left aside: contact has levels instead");
-    if (zones) {
-        bound_zones(&s, &m, data, bytes, &t);
-    } else if (tets) {
-        bound_tets(&s, &m, data, bytes, &t);
-    } else {
-        palp_blob blob = open_blob(s.blob, data, bytes);
-        if (s.replay != NULL) return wcet_replay(&s, &m, &blob);
-        bound_body(&s, &m, &blob, &t);
-        if (s.search_s > 0) wcet_search(&s, &m, &blob);
-    }
+    if (scene_is_here(s.blob))
+        bound_scene(&s, &m, &t);
+    else if (bound_blob(&s, &m, &t))
+        return EXIT_SUCCESS;
     double budget_us = s.margin * 1e6 / s.rate_hz;
     bool fits = time_us(&m, &t.row[t.rows - 1]) <= budget_us;
     (s.json ? print_json : print_text)(&s, &m, &t, finest_in_time(&t, &m, "tick", budget_us), fits);

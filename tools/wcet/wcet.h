@@ -27,6 +27,10 @@ typedef struct {
     size_t ram_bytes, stack_bytes;
 } wcet_table;
 
+/* One row more. */
+void wcet_add(wcet_table *table, const char *step, const char *counts, int level, int outer,
+              double instructions, double bytes);
+
 /* Looks for the most expensive tick on each level for so many seconds and says on stderr how near
  * it comes to the bound; writes its path to spec->keep. */
 void wcet_search(const wcet_spec *spec, const machine *m, const palp_blob *blob);
