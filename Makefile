@@ -108,20 +108,23 @@ demo: all ## bake the sample rabbit and feel it for 10 s at 1 kHz: build/demo/re
 	$(BUILD)/palp bake blobs/rabbit.model -o $(DEMO)/rabbit.palp
 	$(BUILD)/palpd $(DEMO)/rabbit.palp --bus loop --device arm3 --seconds 10 --report $(DEMO)/report.html \
 	    --view $(DEMO)/view.svg
+	$(BUILD)/palpd sim/scenes/two_hands.scene --no-wait --report $(DEMO)/two_hands.html
 	@echo "The same bake took nine hours on eight processors in 2002 (Table II of the paper)."
-	@echo "Look at $(DEMO)/report.html"
+	@echo "Look at $(DEMO)/report.html, and $(DEMO)/two_hands.html: two hands that feel each other through the body"
 
 demo-finger: all ## bake the three-pad finger and curl it about a cylinder, a new configuration each tick: build/finger/report.html
 	@mkdir -p $(BUILD)/finger
 	$(BUILD)/palp bake blobs/finger.model -o $(BUILD)/finger/finger.palp
 	$(BUILD)/palp play $(BUILD)/finger/finger.palp --scene sim/finger.scene --ns-per-operation 0.25 --report $(BUILD)/finger/report.html -o $(BUILD)/finger/ticks.csv
-	@echo "Look at $(BUILD)/finger/report.html"
+	$(BUILD)/palpd sim/scenes/finger.scene --no-wait --report $(BUILD)/finger/felt.html
+	@echo "Look at $(BUILD)/finger/report.html, and $(BUILD)/finger/felt.html: the finger closes on what a hand holds"
 
 demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscillating: build/dyna/report.html
 	@mkdir -p $(BUILD)/dyna
 	$(BUILD)/palp bake blobs/liver.model -o $(BUILD)/dyna/liver.palp
 	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --ns-per-operation 0.15 --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
-	@echo "Look at $(BUILD)/dyna/report.html; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
+	$(BUILD)/palpd sim/scenes/liver.scene --no-wait --report $(BUILD)/dyna/felt.html
+	@echo "Look at $(BUILD)/dyna/report.html, and $(BUILD)/dyna/felt.html: felt by a hand; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
 
 # ---- tests ----
 
