@@ -3,6 +3,7 @@
 #include "core/base/arena.h"
 
 #define NS_PER_S 1e9f
+#define OUT_TICKS 12u /* more than a contact takes to be found (PALP_ANSWER_MISSES) */
 
 struct palp_scene {
     palp_body body[PALP_SCENE_BODIES];
@@ -18,8 +19,13 @@ struct palp_scene {
     palp_frame root[PALP_SCENE_BODIES];
     float part[PALP_SCENE_HANDS];   /* of the springs of its tools */
     bool leaving[PALP_SCENE_HANDS]; /* fades, tools where they were */
+    bool left;                      /* the scene is being left: fades, tools as they move */
+    palp_vec3 off_m[PALP_CONTACT_TOOLS]; /* after an exchange: from where they are held, */
+    palp_vec3 out[PALP_CONTACT_TOOLS];   /* this way, */
+    uint32_t within[PALP_CONTACT_TOOLS]; /* ticks for which it has to be free until it is out */
     palp_frame last[PALP_CONTACT_TOOLS];
-    uint32_t touched[PALP_SCENE_HANDS]; /* bodies, bit by bit */
+    palp_vec3 pushed_N[PALP_SCENE_HANDS]; /* by what was touched last */
+    uint32_t touched[PALP_SCENE_HANDS];   /* bodies, bit by bit */
     /* of the tick under way */
     palp_hand_place tip[PALP_SCENE_HANDS];
     palp_body_tool held[PALP_CONTACT_TOOLS];
@@ -200,6 +206,48 @@ const palp_hand *palp_scene_hand(const palp_scene *scene, uint32_t hand) {
     return &scene->hand[hand];
 }
 
+/* ---- exchange ---- */
+
+void palp_scene_leave(palp_scene *s) { s->left = true; }
+
+bool palp_scene_has_left(const palp_scene *s) {
+    bool any = false;
+    for (uint32_t h = 0; h < s->hands; h++) any = any || s->part[h] > 0.0f;
+    return s->left && !any;
+}
+
+/* The way on which what a hand touched last pushed it, or the device's z. */
+static palp_vec3 way_out(const palp_scene *from, uint32_t hand) {
+    const float *r = from->hand[hand].config.placement.rotation;
+    const palp_vec3 force = palp_rotate_back(r, from->pushed_N[hand]), up = {0.0f, 0.0f, 1.0f};
+    const float size = palp_norm(force);
+    return size > 0.0f ? palp_scale(1.0f / size, force) : up;
+}
+
+palp_status palp_scene_take_over(palp_scene *s, const palp_scene *from) {
+    bool same = s->hands == from->hands && palp_same_bits(s->dt_s, from->dt_s) &&
+                palp_scene_has_left(from);
+    for (uint32_t h = 0; h < s->hands && same; h++)
+        same = palp_axes(&s->hand[h].config.device.kinematics) ==
+               palp_axes(&from->hand[h].config.device.kinematics);
+    if (!same) return PALP_ERR_ARGUMENT;
+    for (uint32_t h = 0; h < s->hands; h++) {
+        const palp_placement placement = s->hand[h].config.placement;
+        s->hand[h] = from->hand[h];
+        s->hand[h].config.placement = placement;
+    }
+    for (uint32_t t = 0; t < s->tools; t++) {
+        const uint32_t hand = s->mount[t].hand;
+        s->out[t] =
+            palp_rotate(s->hand[hand].config.placement.rotation, way_out(from, hand));
+        s->pushed_N[hand] = s->out[t];
+        s->within[t] = s->hand[hand].feels ? OUT_TICKS : 0u;
+    }
+    for (uint32_t h = 0; h < s->hands; h++) s->part[h] = s->hand[h].feels ? 1.0f : 0.0f;
+    s->ticks = from->ticks;
+    return PALP_OK;
+}
+
 /* ---- the tick ---- */
 
 void palp_scene_pose(palp_scene *s, uint32_t body, const float *value, const palp_frame *root) {
@@ -246,6 +294,9 @@ static bool is_alone(const palp_scene *s, uint32_t hand) {
 /* How much of each device's springs there is. */
 static void fade(palp_scene *s, bool anew) {
     const float step = s->dt_s / PALP_SCENE_FADE_S;
+    for (uint32_t h = 0; h < s->hands && s->left; h++)
+        s->part[h] = palp_max(s->part[h] - step, 0.0f);
+    if (s->left) return;
     for (uint32_t h = 0; h < s->hands; h++) {
         const palp_hand *hand = &s->hand[h];
         float *part = &s->part[h];
@@ -268,9 +319,11 @@ static void place_tools(palp_scene *s) {
         on_tip.t.y += m->jaw * p->opening_m;
         tool[t] = (palp_body_tool){.at = s->last[t], .part = s->part[m->hand]};
         if (s->leaving[m->hand]) continue;
-        tool[t].at = s->last[t] = palp_frame_compose(&p->at, &on_tip);
+        tool[t].at = palp_frame_compose(&p->at, &on_tip);
         tool[t].turning_rad_s = p->turning_rad_s;
         const palp_vec3 arm = palp_sub(tool[t].at.t, p->at.t);
+        tool[t].at.t = palp_add(tool[t].at.t, s->off_m[t]);
+        s->last[t] = tool[t].at;
         tool[t].velocity_m_s = palp_add(p->velocity_m_s, palp_cross(p->turning_rad_s, arm));
     }
 }
@@ -278,6 +331,45 @@ static void place_tools(palp_scene *s) {
 /* Nobody feels it. */
 static void rest(const palp_body *b, palp_body_report *r) {
     *r = (palp_body_report){.level = b->answer->contact.now, .limit = b->answer->limit};
+}
+
+/* What is stored by a tool, at most. */
+static float stored_by(const palp_scene *s, uint32_t tool) {
+    float sum = 0.0f;
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        const palp_body_felt *f = &s->felt[b][tool];
+        if (f->touching) sum += palp_max(f->held_J, 0.0f) + s->body_report[b].stored_J;
+    }
+    return sum;
+}
+
+/* After an exchange: out of the bodies, and back as far as nothing presses. */
+static void lead_tools(palp_scene *s) {
+    for (uint32_t t = 0; t < s->tools; t++) {
+        const bool free = !(stored_by(s, t) > PALP_SCENE_BACK_J);
+        const float off = palp_dot(s->off_m[t], s->out[t]);
+        if (!s->hand[s->mount[t].hand].feels) {
+            s->within[t] = 0;
+            s->off_m[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
+        } else if (s->within[t] > 0u && !free) {
+            s->within[t] = OUT_TICKS;
+            s->off_m[t] = palp_scale(off + PALP_SCENE_OUT_M_S * s->dt_s, s->out[t]);
+        } else if (s->within[t] > 0u) {
+            s->within[t]--;
+        } else {
+            if (free && off > 0.0f)
+                s->off_m[t] = palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f),
+                                         s->out[t]);
+        }
+    }
+}
+
+/* Whether a tool of a hand is on its way out, and nobody is to feel it. */
+static bool is_within(const palp_scene *s, uint32_t hand) {
+    bool any = false;
+    for (uint32_t t = 0; t < s->tools; t++)
+        any = any || (s->mount[t].hand == hand && s->within[t] > 0u);
+    return any;
 }
 
 /* What a hand feels of all bodies by all of its tools, about its tip. */
@@ -290,7 +382,8 @@ static void gather(const palp_scene *s, uint32_t hand, palp_hand_felt *sum) {
         for (uint32_t t = 0; t < s->tools; t++) {
             const palp_body_felt *f = &s->felt[b][t];
             if (s->mount[t].hand != hand || !(tool[t].part > 0.0f)) continue;
-            const palp_vec3 arm = palp_sub(tool[t].at.t, tip->at.t);
+            const palp_vec3 arm =
+                palp_sub(palp_sub(tool[t].at.t, s->off_m[t]), tip->at.t);
             const palp_vec3 moment =
                 palp_add(f->wrench.moment_Nm, palp_cross(arm, f->wrench.force_N));
             sum->wrench.force_N = palp_add(sum->wrench.force_N, f->wrench.force_N);
@@ -387,10 +480,12 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
     }
     for (uint32_t h = 0; h < s->hands; h++) {
         s->sum[h] = (palp_hand_felt){.opens_N = 0.0f};
-        if (!s->hand[h].feels) continue;
+        if (!s->hand[h].feels || is_within(s, h)) continue;
         gather(s, h, &s->sum[h]);
+        if (s->touched[h] != 0u && !s->left) s->pushed_N[h] = s->sum[h].wrench.force_N;
         palp_passivity_bring(&s->hand[h].output.passivity, s->hand[h].gain * s->sum[h].brought_J);
     }
+    lead_tools(s);
     if (s->hands > 1u) share_energy(s);
     for (uint32_t h = 0; h < s->hands; h++)
         sent[h] = palp_hand_end(&s->hand[h], &s->sum[h], &input[h], report->tick, out[h],

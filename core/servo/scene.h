@@ -15,6 +15,15 @@
  * The bodies answer one after the other. Each keeps back what those after it need at least, so an early
  * one may use what a late one does not.
  *
+ * Bodies and tools are exchanged while devices go on: a second scene with the same devices is opened in
+ * memory of its own, by another thread if need be. palp_scene_leave lets the springs of the first fade
+ * over PALP_SCENE_FADE_S while they are felt, so that they only take from the hands; then
+ * palp_scene_take_over gives its devices to the second. A tool that is deep in another body there must
+ * not be pushed out, which would be a gift. So each is first led out, felt by nobody, the way that it was
+ * pushed before or along the device's z, and is felt from there, off where it is held. It goes back as far
+ * as nothing presses it: a hand that lets go is then where it should be, one that presses on feels the new
+ * body from where it was.
+ *
  * Order of calls: palp_scene_open; then once a period palp_scene_pose for each multizone model that is
  * moved by the caller, palp_scene_tick, and in time left over palp_scene_spare.
  */
@@ -27,6 +36,9 @@
 #define PALP_SCENE_BODIES 4u
 #define PALP_SCENE_HANDS 4u
 #define PALP_SCENE_FADE_S 0.2f
+#define PALP_SCENE_OUT_M_S 0.5f  /* at which tools are led out of a body after an exchange, */
+#define PALP_SCENE_BACK_M_S 0.02f /* and back while no more than this is stored by them */
+#define PALP_SCENE_BACK_J 1e-8f
 
 /* A tool on a device. */
 typedef struct {
@@ -97,6 +109,18 @@ void palp_scene_tick(palp_scene *scene, const palp_tick_input *input,
                      palp_scene_report *report);
 
 void palp_scene_spare(palp_scene *scene);
+
+/* From the next tick on what is felt of the scene fades. */
+void palp_scene_leave(palp_scene *scene);
+/* Whether it has come to that. */
+bool palp_scene_has_left(const palp_scene *scene);
+
+/*
+ * Between two ticks: the devices of `from`, which has left and is not to tick again, go on in `scene`, which
+ * has not ticked yet: their states, drives, books and counters. ARGUMENT, and nothing has happened, when
+ * `scene` has other devices (their number, rate or axes), or `from` has not left. Cost: a copy of each hand.
+ */
+palp_status palp_scene_take_over(palp_scene *scene, const palp_scene *from);
 
 /* Totals since the scene was opened, of one hand; ticks, overruns and levels are those of the scene.
  * The pointer holds as long as the scene. Constant time. */

@@ -44,8 +44,9 @@ static void open_zones(const scene_body *b, scene_part *part, const void *data) 
     for (uint32_t i = 0; i < part->zones.meta->zones; i++)
         need_regular(b->path, &part->zones.blob[i]);
     const size_t bytes = palp_assembly_memsize(&part->zones, SEAMS_FINEST);
-    status = palp_assembly_init(&part->assembly, &part->zones, SEAMS_FINEST,
-                                allocate_aligned(bytes + 1, 1), bytes);
+    part->memory = allocate_aligned(bytes + 1, 1);
+    status =
+        palp_assembly_init(&part->assembly, &part->zones, SEAMS_FINEST, part->memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", b->path, palp_status_text(status));
     const palp_vec3 gravity = vec(b->gravity_m_s2);
     if (palp_norm(gravity) > 0 && palp_assembly_gravity(&part->assembly, gravity) != PALP_OK)
@@ -79,7 +80,8 @@ static void open_body(scene_setup *s, uint32_t number) {
         die(EXIT_USAGE, "%s: names no body: add a line 'body FILE' before what belongs to it",
             s->file->name);
     size_t bytes;
-    const void *data = read_file(b->path, &bytes);
+    void *data = read_file(b->path, &bytes);
+    part->data = data;
     part->bytes = (uint32_t)bytes;
     part->crc = palp_crc32c(0, data, bytes);
     *c = (palp_body_config){.at = scene_frame(&b->at), .finest = b->finest, .pairs = !b->alone};
@@ -271,6 +273,7 @@ static void open_tool(scene_setup *s, uint32_t number) {
         m->tool = t.tool;
         m->tool.friction = friction;
         m->tool.sliding = sliding;
+        s->tool_data[number] = t.data;
         s->tool_bytes[number] = t.bytes;
         s->tool_crc[number] = t.crc;
     }
@@ -316,24 +319,47 @@ scene_setup *scene_set_up(scene_file *file) {
     return s;
 }
 
-palp_scene *scene_open(const scene_setup *setup) {
+palp_scene *scene_try_open(const scene_setup *setup, char *text, size_t room) {
     const palp_scene_config *c = &setup->config;
     const size_t bytes = palp_scene_memsize(c);
-    if (bytes == 0) die(EXIT_WORK, "%s: a level of contact is none", setup->file->name);
+    if (bytes == 0) {
+        snprintf(text, room, "%s: a level of contact is none", setup->file->name);
+        return NULL;
+    }
     void *memory = memset(allocate_aligned(bytes, 1), 1, bytes);
     palp_scene *scene;
     float bound_ns = 0;
     const palp_status status = palp_scene_open(&scene, c, memory, bytes, &bound_ns);
-    if (status == PALP_ERR_BUDGET) {
-        const double have = (double)c->cost.margin * 1e6 / setup->file->rate_hz;
-        die(EXIT_WORK,
-            "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz "
-            "leave: lower --rate",
-            (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - have, have, setup->file->rate_hz);
-    }
-    if (status != PALP_OK)
-        die(EXIT_WORK, "cannot open the servo: %s", palp_status_text(status));
+    if (status == PALP_OK) return scene;
+    free(memory);
+    const double have = (double)c->cost.margin * 1e6 / setup->file->rate_hz;
+    if (status == PALP_ERR_BUDGET)
+        snprintf(text, room,
+                 "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz "
+                 "leave: lower --rate",
+                 (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - have, have,
+                 setup->file->rate_hz);
+    else
+        snprintf(text, room, "cannot open the servo: %s", palp_status_text(status));
+    return NULL;
+}
+
+palp_scene *scene_open(const scene_setup *setup) {
+    char text[256];
+    palp_scene *scene = scene_try_open(setup, text, sizeof text);
+    if (scene == NULL) die(EXIT_WORK, "%s", text);
     return scene;
+}
+
+void scene_tear_down(scene_setup *s, palp_scene *scene) {
+    free(scene); /* the first of its memory */
+    for (uint32_t b = 0; b < s->config.bodies; b++) {
+        free(s->part[b].data);
+        free(s->part[b].memory);
+    }
+    for (uint32_t t = 0; t < s->config.tools; t++) free((void *)(uintptr_t)s->tool_data[t]);
+    scene_free(s->file);
+    free(s);
 }
 
 void scene_move(const scene_setup *setup, palp_scene *scene, double t_s) {

@@ -13,6 +13,7 @@
 typedef struct {
     palp_body_kind kind;
     uint32_t bytes, crc;
+    void *data, *memory; /* of the file, of an assembly */
     palp_blob blob;
     palp_zones zones;
     palp_assembly assembly;
@@ -25,6 +26,7 @@ typedef struct {
     scene_part part[PALP_SCENE_BODIES];
     device_file device[PALP_SCENE_HANDS];
     touch_frame touch[PALP_SCENE_HANDS];
+    const void *tool_data[PALP_CONTACT_TOOLS];
     uint32_t tool_bytes[PALP_CONTACT_TOOLS], tool_crc[PALP_CONTACT_TOOLS]; /* of files */
     palp_body_config body[PALP_SCENE_BODIES];
     palp_scene_tool tool[PALP_CONTACT_TOOLS];
@@ -38,6 +40,11 @@ scene_setup *scene_set_up(scene_file *file);
 
 /* Opens it in memory of its own, all of it touched; exits where it does not fit the period. */
 palp_scene *scene_open(const scene_setup *setup);
+/* The same, but NULL and one line of text in place of exiting. */
+palp_scene *scene_try_open(const scene_setup *setup, char *text, size_t room);
+
+/* Gives back all of its memory, and that of a scene opened from it (may be NULL). */
+void scene_tear_down(scene_setup *setup, palp_scene *scene);
 
 /* Puts the joints that follow tracks where they are at time t, for the next tick. */
 void scene_move(const scene_setup *setup, palp_scene *scene, double t_s);

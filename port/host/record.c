@@ -19,6 +19,7 @@
 #define ID_DEVICE 0x1fff0006u
 #define ID_DEVICE_RESULT 0x1fff0007u
 #define ID_BODY 0x1fff0008u
+#define ID_EXCHANGE 0x1fff0009u
 #define TOTALS (sizeof(run_totals) / sizeof(uint64_t))
 #define TOTALS_PER_FRAME 8u
 #define CLOCKS_PER_FRAME 16u
@@ -153,6 +154,8 @@ static void write_clock(FILE *f, const tick_record *t) {
 
 void record_write_tick(FILE *f, const scene_file *scene, const tick_record *t) {
     const float late = t->late_us < 65535.0f ? t->late_us : 65535.0f;
+    const palp_can_frame exchange = own_frame(ID_EXCHANGE, 0);
+    if (t->exchanged) write_own(f, t, &exchange);
     for (uint32_t h = 0; h < t->hands; h++) {
         const tick_hand *hand = &t->hand[h];
         palp_can_frame frame = own_frame(h == 0 ? ID_TICK : ID_DEVICE, h == 0 ? 24 : 12);
@@ -489,6 +492,10 @@ bool record_next(record_reader *r, tick_record *t, uint64_t *lost) {
     take_totals(r);
     memset(t, 0, record_bytes(r->hands));
     t->hands = r->hands;
+    while (peek(r) && is_own(r, ID_EXCHANGE, 0)) {
+        t->exchanged = true;
+        r->pending = false;
+    }
     for (uint32_t h = 0; h < r->hands; h++) {
         if (!take_input(r, t, h)) return false;
     }

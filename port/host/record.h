@@ -19,6 +19,7 @@
  *   1FFF0007  the same of each further device, its number in place of the digest
  *   1FFF0008  of each body, where there is more than one or it is not elastostatic: number, kind, level,
  *             held, u16: points, active; flags u32, f32: stored J, doubt N
+ *   1FFF0009  before the tick from which on bodies or tools are exchanged: replay ends here
  *   1FFF0004  ticks that were lost on the way to the file, u64: replay ends here
  *   1FFF0005  at the end of a run: its totals, u64 each, 8 to a frame (run_totals), of one device
  *             after the other
@@ -48,6 +49,7 @@ typedef struct {
 typedef struct {
     uint32_t hands, bodies, clock_count, load_count;
     uint32_t skipped;
+    bool exchanged;  /* from here on bodies or tools are exchanged: replay ends */
     bool clock_full; /* more readings than there was room for: it cannot be replayed */
     float late_us;
     double time_s;

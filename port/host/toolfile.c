@@ -8,6 +8,7 @@ tool_file tool_load(const char *path) {
     size_t bytes;
     const char *data = read_file(path, &bytes);
     tool_file t = {.tool = {.shape = PALP_TOOL_FIELD},
+                   .data = data,
                    .bytes = (uint32_t)bytes,
                    .crc = palp_crc32c(0, data, bytes)};
     const palp_status status = palp_tool_field_open(&t.tool.field, data, bytes);

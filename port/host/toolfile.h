@@ -8,6 +8,7 @@
 
 typedef struct {
     palp_tool tool;
+    const void *data;
     uint32_t bytes, crc; /* of the file; 0: not from a file */
 } tool_file;
 

@@ -75,7 +75,8 @@ static void consume_tick(follower *f, const tick_record *t) {
     }
     f->last_tick = tick;
     f->digest = t->digest;
-    keep_peak(&f->peak, t);
+    f->exchanged = f->exchanged || t->exchanged;
+    if (!f->exchanged) keep_peak(&f->peak, t);
     const size_t at = (size_t)(f->taken++ % f->capacity); /* a longer run keeps its last ticks */
     if (r->late_us != NULL) r->late_us[at] = t->late_us;
     if (r->count < f->capacity) r->count++;
@@ -88,7 +89,8 @@ static void consume_tick(follower *f, const tick_record *t) {
             telemetry_publish(f->telemetry[h], &t->hand[h].report);
         announce(f, &t->hand[h], h);
     }
-    for (uint32_t b = 0; b < r->bodies; b++) run_body_add(&r->body[b], &t->body[b]);
+    for (uint32_t b = 0; b < r->bodies && !f->exchanged; b++)
+        run_body_add(&r->body[b], &t->body[b]);
 }
 
 void follow_run(follower *f, const volatile sig_atomic_t *interrupted) {
@@ -101,6 +103,7 @@ void follow_run(follower *f, const volatile sig_atomic_t *interrupted) {
         }
         if (last) return;
         if (*interrupted != 0) f->loop->stop = true;
+        if (f->serve != NULL) f->serve(f->context);
         nanosleep(&moment, NULL);
     }
 }

@@ -20,6 +20,9 @@ typedef struct {
 typedef struct {
     servo_loop *loop;
     FILE *log; /* NULL: none */
+    bool exchanged; /* bodies or tools: what follows is not of those that the record names */
+    void (*serve)(void *context); /* called between looks at the ring; NULL: none */
+    void *context;
     telemetry *telemetry[PALP_SCENE_HANDS];
     bool home; /* mechanisms were said to stand at home */
     follow_peak peak;

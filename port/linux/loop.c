@@ -130,6 +130,28 @@ static void send(servo_loop *l, loop_line *line, uint32_t tick, const palp_can_f
     }
 }
 
+/* Lets the present scene fade when another waits, and then goes on with that. */
+static void exchange(servo_loop *l, tick_record *t) {
+    loop_scene *next = atomic_load(&l->next);
+    if (next == NULL) return;
+    if (!l->leaving) {
+        palp_scene_leave(l->scene);
+        l->leaving = t->exchanged = true;
+    }
+    if (!palp_scene_has_left(l->scene) || palp_scene_take_over(next->scene, l->scene) != PALP_OK)
+        return;
+    const loop_scene old = {l->setup, l->scene};
+    l->setup = next->setup;
+    l->scene = next->scene;
+    *next = old;
+    l->leaving = false;
+    l->periods = 0; /* tracks begin anew */
+    t->bodies = l->setup->config.bodies;
+    for (uint32_t b = 0; b < t->bodies; b++) t->kind[b] = l->setup->part[b].kind;
+    atomic_store(&l->old, next);
+    atomic_store(&l->next, NULL);
+}
+
 /* The tick itself: input from the record, frames and reports into it. */
 static void answer(servo_loop *l, tick_record *t, uint64_t *digest) {
     palp_can_frame out[PALP_SCENE_HANDS][PALP_SERVO_FRAMES_OUT];
@@ -176,7 +198,7 @@ static tick_record *next_record(servo_loop *l) {
     t->bodies = c->bodies;
     t->clock_count = t->load_count = 0;
     t->skipped = 0;
-    t->clock_full = false;
+    t->clock_full = t->exchanged = false;
     for (uint32_t b = 0; b < c->bodies; b++) t->kind[b] = c->body[b].kind;
     for (uint32_t h = 0; h < c->hands; h++)
         t->hand[h].in_count = t->hand[h].out_count = t->hand[h].events = 0;
@@ -199,6 +221,7 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
         if (!l->simulated && (double)late_us > 0.5 * period_us) hand->events |= PALP_EVENT_LATE;
     }
     l->periods += skipped;
+    exchange(l, t);
     l->current = t;
     answer(l, t, digest);
     l->periods++;

@@ -47,9 +47,18 @@ typedef struct {
     can_port port;     /* else */
 } loop_line;
 
+/* A scene, opened. */
 typedef struct {
-    const scene_setup *setup;
+    scene_setup *setup;
     palp_scene *scene;
+} loop_scene;
+
+typedef struct {
+    scene_setup *setup;
+    palp_scene *scene;
+    _Atomic(loop_scene *) next; /* to be exchanged for the present one: set by anybody, with the same
+                                   devices, while it is NULL; then the loop's until it is NULL again, */
+    _Atomic(loop_scene *) old;  /* and the one before is here, for whoever set `next` */
     loop_line line[PALP_SCENE_HANDS];
     double rate_hz;
     uint64_t ticks; /* 0: until stopped */
@@ -63,6 +72,7 @@ typedef struct {
     _Atomic bool stop, finished;
     /* Written by the loop, to be read when it has finished. */
     uint64_t done, minor_faults, lockstep_lost;
+    bool leaving;         /* the scene is about to be exchanged */
     uint64_t periods;     /* since the start, those that were missed as well */
     tick_record *current; /* where the clock's readings go */
     uint64_t first_ns;    /* first reading of the tick */

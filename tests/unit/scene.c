@@ -264,6 +264,92 @@ static void test_through_the_body(void) {
 /* ---- a gripper ---- */
 
 /* Two jaws close on a bar and pull along it, until both slip: friction holds twice mu N. */
+/* ---- another body while it is touched ---- */
+
+/* Hands that press, let go a little, and stroke, again and again. */
+static void lead_on(stage *s, double seconds) {
+    static const hand_key stroke[] = {
+        {0.7, {0.0045, 0.001, 0}}, {1.5, {0.001, 0, 0.001}}, {2.4, {0.004, 0, 0}}};
+    const uint32_t rounds = (uint32_t)(seconds / 2.4) + 2u, count = 3u + 3u * rounds;
+    hand_key *key = allocate(count, sizeof *key);
+    key[0] = (hand_key){0, {-0.010, 0, 0}};
+    key[1] = (hand_key){1, {-0.010, 0, 0}};
+    key[2] = (hand_key){1.5, {0.003, 0, 0}};
+    for (uint32_t i = 3; i < count; i++) {
+        key[i] = stroke[i % 3u];
+        key[i].time_s += 1.5 + 2.4 * (i / 3u - 1u);
+    }
+    for (uint32_t h = 0; h < HANDS; h++) lead(s, h, key, NULL, count);
+    free(key);
+}
+
+/* Bodies and tools that are exchanged: in turn another place, another size of tool, a thin bar. */
+static void choose_next(stage *s, uint32_t number, palp_body_config *body, palp_scene_tool *tool) {
+    const palp_frame nearer = palp_frame_at((palp_vec3){0.001f, 0, 0.002f});
+    *body = elastic(&ball.blob, number % 3u == 1u ? nearer : PALP_FRAME_IDENTITY);
+    for (uint32_t t = 0; t < HANDS; t++) {
+        tool[t].tool = palp_tool_sphere(number % 3u == 2u ? 0.8f * TIP : TIP);
+        if (number % 2u == 1u)
+            tool[t].tool = palp_tool_capsule((palp_vec3){0, 0, 1}, 0.5f * TIP, TIP);
+    }
+    s->config.body = body;
+    s->config.tool = tool;
+}
+
+static void test_exchange(void) {
+    const uint32_t exchanges = getenv("FULL") != NULL ? 10000u : 150u;
+    palp_body_config body = elastic(&ball.blob, PALP_FRAME_IDENTITY);
+    palp_scene_tool tool[HANDS];
+    stage s = {.now_ns = 0};
+    seat_two(&s, &body, tool);
+    start(&s);
+    lead_on(&s, 0.46 * exchanges + 12);
+    run(&s, 1.2);
+    forget_steps(&s);
+    run(&s, 9);
+    const float ordinary = fmaxf(s.step_N[0], s.step_N[1]);
+    const float pressed = fmaxf(s.largest_N[0], s.largest_N[1]);
+    const size_t bytes = palp_scene_memsize(&s.config);
+    void *other = allocate_aligned(bytes, 1);
+    float given = 0;
+    uint32_t refused = 0, touching = 0;
+    uint64_t ticks = s.report.tick;
+    forget_steps(&s);
+    for (uint32_t i = 0; i < exchanges; i++) {
+        palp_scene *next;
+        choose_next(&s, i, &body, tool);
+        if (palp_scene_open(&next, &s.config, other, bytes, NULL) != PALP_OK) die(EXIT_WORK, "next");
+        refused += palp_scene_take_over(next, s.scene) == PALP_ERR_ARGUMENT ? 1u : 0u;
+        touching += s.report.felt[0][0].touching && s.report.felt[0][1].touching ? 1u : 0u;
+        palp_scene_leave(s.scene);
+        while (!palp_scene_has_left(s.scene)) tick(&s);
+        refused += palp_scene_take_over(next, s.scene) == PALP_OK ? 1u : 0u;
+        other = s.memory;
+        s.memory = next;
+        s.scene = next;
+        run(&s, 0.25);
+        for (uint32_t h = 0; h < HANDS; h++) given = fmaxf(given, s.report.hand[h].given_J);
+    }
+    ticks = s.report.tick - ticks;
+    const float step = fmaxf(s.step_N[0], s.step_N[1]);
+    printf("# %u exchanges, %u of them while both touched, %llu ticks: largest step %.3g N, in "
+           "ordinary ticks %.3g N, largest force %.3g N, given %.3g J\n",
+           exchanges, touching, (unsigned long long)ticks, (double)step, (double)ordinary,
+           (double)pressed, (double)given);
+    CHECK(refused == 2u * exchanges, "each was refused before the scene was left, and made after");
+    CHECK(touching > exchanges / 2u, "bodies are exchanged while they are touched");
+    CHECK(palp_scene_counters(s.scene, 0)->overruns == 0 && s.most_ns <= 0.8001,
+          "no tick is late: bounds up to %.3g of the period", s.most_ns);
+    /* ordinary ticks of a long run step by 3.7 % of the largest force (test_long) */
+    CHECK(step <= fmaxf(ordinary, 0.037f * pressed),
+          "no step of force beyond an ordinary tick's: %g N", (double)step);
+    CHECK(given <= 1e-6f, "energy given to the hands: %g J", (double)given);
+    CHECK(s.report.hand[0].state == PALP_STATE_RUN && s.report.hand[1].state == PALP_STATE_RUN,
+          "both devices go on");
+    free(other);
+    stop(&s);
+}
+
 static void test_gripper(void) {
     static const hand_key key[] = {
         {0, {0, 0, 0}}, {1, {0, 0, 0}}, {2, {0, 0, 0}}, {3, {0, 0, 0}}, {9, {0, 0, 0.008}}};
@@ -512,6 +598,7 @@ int main(void) {
     bar = model_bake_young(model_voxels(column, 3, EDGE, 4, &cell), 1e-6, 4e4);
     test_two_hands();
     test_through_the_body();
+    test_exchange();
     test_gripper();
     test_engines();
     test_thin_part();

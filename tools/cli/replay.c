@@ -210,11 +210,16 @@ int command_replay(int argc, char **argv) {
                  s.log, lost, t->hand[0].report.tick);
             return EXIT_WORK;
         }
+        if (t->exchanged) {
+            warn("%s: bodies or tools are exchanged at tick %" PRIu64 ", where replay ends", s.log,
+                 t->hand[0].report.tick);
+            break;
+        }
         repeat(setup, scene, &clock, t, csv.file, &digest, why, sizeof why);
         ticks++;
     }
     run_totals totals[PALP_SCENE_HANDS];
-    const bool ended = record_totals(reader, totals);
+    const bool ended = t->exchanged || record_totals(reader, totals);
     record_close(reader);
     if (csv.file != NULL && why[0] == '\0') commit_output(&csv);
     if (ticks == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
