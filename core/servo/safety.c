@@ -104,9 +104,11 @@ palp_safety_step palp_safety_tick(palp_safety *s, uint32_t events, uint32_t peri
     if (s->faults == 0u) before_run(s, events, axes);
     if (force_is_on(s->state)) s->faults |= run_faults(s, axes);
     if (s->state == PALP_STATE_RUN && s->faults == 0u &&
-        (seconds(s, s->blind_ticks) > PALP_LATE_S + 0.5f * s->dt_s || repeatedly_late(s)))
+        (seconds(s, s->blind_ticks) > PALP_LATE_S + 0.5f * s->dt_s || repeatedly_late(s) ||
+         (events & PALP_EVENT_HOLD) != 0u))
         enter(s, PALP_STATE_DAMPING);
-    if (s->state == PALP_STATE_DAMPING && s->resume && s->faults == 0u && s->tardy_history == 0u &&
+    if (s->state == PALP_STATE_DAMPING && s->resume && (events & PALP_EVENT_HOLD) == 0u &&
+        s->faults == 0u && s->tardy_history == 0u &&
         seconds(s, s->healthy_ticks) >= PALP_HEALTHY_S)
         enter(s, PALP_STATE_RUN);
     palp_safety_latch(s, 0u);

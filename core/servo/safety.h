@@ -10,7 +10,7 @@
  *   READY         zero torque, until the operator lets go of HOLD
  *   ENABLING      drives begin to act on torque, which is zero
  *   RUN           force, growing from zero in PALP_RAMP_S
- *   DAMPING       after sustained loss, repeated lateness, or energy given to the hand: force
+ *   DAMPING       after sustained loss, repeated lateness, HOLD, or energy given to the hand: force
  *                 falls to zero in PALP_FADE_S, then only damping; until a reset (or, if so
  *                 configured and no fault is latched, until all is well for PALP_HEALTHY_S; then
  *                 RUN begins with its ramp)

@@ -117,13 +117,13 @@ void follow_begin(follower *f, size_t capacity) {
     if (f->loop->paced) r->late_us = allocate(capacity, sizeof *r->late_us);
     for (uint32_t h = 0; h < r->hands; h++) {
         r->hand[h].tick = allocate(capacity, sizeof *r->hand[h].tick);
-        r->hand[h].device_name = s->device[h].name;
-        r->hand[h].bus_name = s->file->device[h].bus;
+        r->hand[h].device_name = copy_string(s->device[h].name); /* scenes come and go */
+        r->hand[h].bus_name = copy_string(s->file->device[h].bus);
     }
     const bool plain = s->config.bodies == 1 && s->part[0].kind == PALP_BODY_ELASTIC;
     r->bodies = plain ? 0 : s->config.bodies;
     for (uint32_t b = 0; b < r->bodies; b++)
-        r->body[b] = (run_body){.name = s->file->body[b].name, .kind = s->part[b].kind};
+        r->body[b] = (run_body){.name = copy_string(s->file->body[b].name), .kind = s->part[b].kind};
 }
 
 /* An array in a ring in the order of time. */

@@ -65,7 +65,7 @@ typedef struct {
     bool simulated; /* devices in this process */
     bool paced;     /* wait for the clock; else as fast as it goes, dropping nothing */
     bool lockstep;  /* no clock at all */
-    bool hold;      /* stay in READY until the operator's first reset */
+    _Atomic bool hold; /* stay in READY until the operator's next reset */
     bool home;      /* mechanisms stand at their home poses at the start */
     ring ring;      /* of tick_record, record_bytes each */
     _Atomic uint32_t operator_events; /* RESET and ESTOP, set by anybody, used once */

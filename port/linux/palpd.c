@@ -9,6 +9,7 @@
 #include "port/host/util.h"
 #include "port/host/view.h"
 #include "port/linux/follow.h"
+#include "port/linux/operate.h"
 #include "port/linux/realtime.h"
 #include "sim/bus.h"
 #include <inttypes.h>
@@ -48,6 +49,9 @@ static const char help[] =
     "  --log FILE          everything that enters and leaves each tick, in candump format\n"
     "  --report FILE.html  a page with force, latency and energy\n"
     "  --view FILE.svg     the body at the largest force\n"
+    "  --control PATH      a Unix socket for the operator: state, reset, stop, hold, load FILE, "
+    "record FILE, end\n"
+    "  --check             open all but the buses, say what would be felt, and stop\n"
     "  --dds               publish pose, joints and force over DDS, 100 times a second\n"
     "\n"
     "  --target NAME|FILE  the machine's speed by a table of palp calibrate, instead of measuring\n"
@@ -82,7 +86,7 @@ static const option options[] = {
     {"--strict-rt", 0}, {"--view", 1},     {"--dds", 0},      {"--resume", 0},
     {"--hold", 0},      {"--home", 0},     {"--fault", 1},    {"--seed", 1},
     {"--lockstep", 0},  {"--target", 1},   {"--tool", 1},     {"--tool-radius", 1},
-    {"--place", 3},     {NULL, 0}};
+    {"--place", 3},     {"--control", 1}, {"--check", 0},     {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define FAR_SCALE 10.0  /* of a body in the workspace, from which units are doubted */
@@ -92,14 +96,14 @@ static const option options[] = {
 #define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
 
 typedef struct {
-    const char *blob, *bus, *device, *hand, *log, *report, *view, *fault, *target, *tool;
+    const char *control, *blob, *bus, *device, *hand, *log, *report, *view, *fault, *target, *tool;
     double tool_radius_m, place_m[3];
     bool placed;
     double rate_hz, seconds, friction, sliding;
     uint32_t touch, seed;
     realtime_spec realtime;
     bool seconds_given, simulated; /* devices in this process */
-    bool no_wait, resume, hold, home, lockstep, dds;
+    bool no_wait, resume, hold, home, lockstep, dds, check;
 } daemon_spec;
 
 static volatile sig_atomic_t interrupted;
@@ -138,14 +142,15 @@ static void set_option(void *context, const argument *a) {
         const char **value;
     } text[] = {{"--bus", &s->bus},     {"--device", &s->device}, {"--hand", &s->hand},
                 {"--log", &s->log},     {"--report", &s->report}, {"--view", &s->view},
-                {"--fault", &s->fault}, {"--target", &s->target}, {"--tool", &s->tool}};
+                {"--fault", &s->fault}, {"--target", &s->target}, {"--tool", &s->tool},
+                {"--control", &s->control}};
     const struct {
         const char *name;
         bool *value;
     } flag[] = {{"--no-wait", &s->no_wait}, {"--strict-rt", &s->realtime.strict},
                 {"--resume", &s->resume},   {"--hold", &s->hold},
                 {"--home", &s->home},       {"--lockstep", &s->lockstep},
-                {"--dds", &s->dds}};
+                {"--dds", &s->dds},         {"--check", &s->check}};
     if (o == NULL) {
         if (s->blob != NULL) die(EXIT_USAGE, "one blob, not also '%s'", a->value[0]);
         s->blob = a->value[0];
@@ -257,6 +262,7 @@ static float *peak_displacement(const palp_blob *blob, const follow_peak *p) {
 
 /* The simulated devices of --bus loop. */
 static sim_bus simulated[PALP_SCENE_HANDS];
+static device_file simulated_file[PALP_SCENE_HANDS]; /* scenes come and go */
 
 static uint32_t pass(void *bus, double dt_s, palp_can_frame *frames, uint32_t room,
                      uint32_t *events) {
@@ -272,7 +278,8 @@ static void open_line(servo_loop *l, const daemon_spec *s, const scene_setup *se
     if (s->simulated) {
         const uint64_t seed = s->seed + number;
         fault_list f = s->fault != NULL ? faults_read(s->fault, seed) : (fault_list){.seed = seed};
-        sim_bus_init(&simulated[number], &setup->device[number], hand_load(d->hand), f);
+        simulated_file[number] = setup->device[number];
+        sim_bus_init(&simulated[number], &simulated_file[number], hand_load(d->hand), f);
         l->line[number].memory = (memory_bus){&simulated[number], pass, send, overrun};
         return;
     }
@@ -281,7 +288,7 @@ static void open_line(servo_loop *l, const daemon_spec *s, const scene_setup *se
     for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
         n += palp_drive_filters(&device->drives, device->node_id[i], filter + n);
     if (s->lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
-    l->line[number].port = can_open(d->bus, device->drives.fd, filter, n);
+    l->line[number].port = can_open(copy_string(d->bus), device->drives.fd, filter, n);
 }
 
 /* Two devices on one bus must not answer to the same node. */
@@ -468,7 +475,7 @@ static void write_results(follower *f, daemon_output *out) {
         r->hand[h].totals.frames_sent = simulated[h].sent;
         r->hand[h].totals.frames_lost = simulated[h].lost;
     }
-    if (s->part[0].kind == PALP_BODY_ELASTIC) {
+    if (s->part[0].kind == PALP_BODY_ELASTIC && !f->exchanged) {
         const palp_vec3 tool = palp_carry_back(&s->body[0].at, f->peak.tool_m);
         r->blob = &s->part[0].blob;
         r->displacement_m = peak_displacement(r->blob, &f->peak);
@@ -486,7 +493,7 @@ static void write_results(follower *f, daemon_output *out) {
         report_html(out->page.file, r);
         commit_output(&out->page);
     }
-    if (out->view.file != NULL) {
+    if (out->view.file != NULL && r->displacement_m != NULL) {
         view_draw(out->view.file, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, 960,
                   560);
         commit_output(&out->view);
@@ -505,6 +512,10 @@ int main(int argc, char **argv) {
     char load[PALP_SCENE_HANDS][128];
     for (uint32_t h = 0; h < file->devices; h++)
         device_check_load(&setup->device[h], load[h], sizeof load[h]);
+    if (s.check) {
+        introduce(setup);
+        return EXIT_SUCCESS;
+    }
     servo_loop *loop = allocate(1, sizeof *loop);
     loop->setup = setup;
     if (!s.simulated) check_nodes(setup);
@@ -540,10 +551,13 @@ int main(int argc, char **argv) {
     if (s.log != NULL) record_write_session(out.log.file, setup);
     introduce(setup);
     fflush(stdout);
+    static operation operating;
+    if (s.control != NULL) operate_begin(&operating, &f, s.control, s.blob);
     running = loop;
     handle_signals();
     run(&s, &f);
-    for (uint32_t h = 0; h < file->devices; h++)
+    operate_end(&operating);
+    for (uint32_t h = 0; h < f.record.hands; h++) /* scenes have come and gone */
         if (f.telemetry[h] != NULL) telemetry_close(f.telemetry[h]);
     if (f.record.count == 0) die(EXIT_WORK, "interrupted before the first tick");
     follow_end(&f);

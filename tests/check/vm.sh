@@ -32,8 +32,15 @@ wait \$W; echo "$1 \$d: \$(grep '^lock step' /tmp/out); \$(cat /tmp/sim)"
 done
 EOF
 }
+# two users, each with a device on a bus of its own, on one body in one process
+printf '0 0 0 0.02\n0.3 0 0 -0.004\n3 0.004 0 -0.006\n' > files/press.hand
+printf 'rate 1000\nseconds %s\nbody body.palp\ndevice arm3\nbus vcan0\nhand press.hand\nplace 0 0 0.09\ntool ball 0.008\ndevice arm3\nbus vcan1\nhand press.hand\nplace 0.012 0 0.09\ntool ball 0.008\n' "$seconds" > files/two.scene
+users='palp-sim /two.scene --lockstep >/tmp/sim & W=$!
+palpd /two.scene --lockstep >/tmp/out 2>/tmp/err || cat /tmp/err
+wait $W; echo "users: $(grep "^lock step" /tmp/out); $(cat /tmp/sim); $(grep "^largest" /tmp/out | tr -s " " | tr "\n" ";")"'
 {
     lockstep vcan vcan0 vcan0 "$all"
+    echo "$users"
     cat <<'EOF'
 for i in 0 1; do canlink can$i config 1000000 100; ip link set can$i up; done
 EOF
@@ -43,7 +50,7 @@ slcan vcan0 >/tmp/name & sleep 0.5; S=$(cat /tmp/name); ip link set $S up
 EOF
     lockstep slcan '$S' vcan0 "arm3"
 } >script-amd64
-lockstep vcan vcan0 vcan0 "$all" >script-arm64
+{ lockstep vcan vcan0 vcan0 "$all"; echo "$users"; } >script-arm64
 paced='
 A="--bus vcan0 --device arm3 --rate 250"
 palp-sim $A --seconds 13 >/tmp/sim & palpd /body.palp $A --priority 80 --seconds 12 --log /tmp/log; echo "EXIT-A $?"; wait; cat /tmp/sim
@@ -94,6 +101,13 @@ for device in $all; do
             ok $? "$arch $line"
         done
     done
+done
+
+users_digest=$($palpd files/two.scene --bus loop --lockstep 2>/dev/null | sed -n 's/.*digest //p')
+for arch in amd64 arm64; do
+    line=$(grep '^users:' vm-$arch.txt)
+    echo "$line" | grep -q "$TICKS ticks, 0 frames lost or out of turn, digest $users_digest; palp-sim: [0-9]* frames sent, 0 lost.*largest force [0-9.]*[1-9].*largest force [0-9.]*[1-9]"
+    ok $? "$arch: two users over two buses: $line"
 done
 
 # ---- paced ----

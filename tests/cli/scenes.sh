@@ -90,6 +90,58 @@ hand close '0 0 0 0 0 0 0 70\n0.4 0 0 0 0 0 0 70\n1 0 0 0 0 0 0 5\n2.5 0 0 0 0 0
 scene grip 'rate 500|seconds 2.5|body body.palp|device arm7-palp-fd|hand close.hand|place 0 0 0.09|tool ball 0.006|mount 0 0 -0.004|jaw -0.5|friction 0.5|tool ball 0.006|mount 0 0 -0.004|jaw 0.5|friction 0.5'
 run grip "two jaws"
 
+# ---- the operator: another body while it is touched, hold, record ----
+cat > ask.py <<'PYTHON'
+import socket, sys, time
+def line(what):
+    f.write(what + "\n"); f.flush(); return f.readline().strip()
+for _ in range(200):
+    try:
+        s = socket.socket(socket.AF_UNIX); s.connect("socket"); break
+    except OSError: time.sleep(0.05)
+f = s.makefile("rw")
+def until(*words): # state, until it has one of the words
+    for _ in range(400):
+        said = line("state")
+        if any(w in said for w in words): return said
+        time.sleep(0.02)
+    return said
+def check(good, what): print(("good " if good else "bad ") + what)
+check("load none" in until("device 0 RUN"), "state")
+check(line("load none.palp").startswith("error cannot read none.palp"), "no such file")
+check(line("dance").startswith("error 'dance': there are state"), "an unknown command")
+check(line("load broken.palp") == "ok" and "broken.palp" in until("refused"), "a damaged body is refused with its reason")
+check(line("load two.scene") == "ok" and "other devices" in until("other devices"), "a scene with other devices is refused")
+time.sleep(1.2)
+check("force 0 N" not in line("state"), "it is touched")
+for name in ("hard.palp", "body.palp", "hard.palp", "chain.palp", "one.scene", "box.tool"):
+    check(line("load " + name) == "ok" and "scene " + name + " load none" in until("scene " + name + " ", "refused"), "another " + name)
+check(line("record part.log") == "ok" and "record on" in line("state"), "a record is begun")
+time.sleep(0.3)
+check(line("record off") == "ok" and "record off" in line("state"), "and ended")
+check(line("hold") == "ok" and "DAMPING" in until("DAMPING"), "hold takes the force away")
+check(line("reset") == "ok" and "RUN" in until("device 0 RUN"), "a reset gives it back")
+check(line("end") == "ok", "end")
+PYTHON
+small_body hard.palp 6e4
+head -c 3000 body.palp > broken.palp
+hand dwell '0 0 0 0.02\n0.5 0 0 0.02\n1 0 0 -0.004\n60 0 0 -0.004\n'
+$palpd body.palp --bus loop --device arm3 --seconds 60 --hand dwell.hand --control socket $fast > live.txt 2> live.err &
+daemon=$!
+python3 ask.py > asked.txt 2>&1
+wait $daemon
+status=$?
+[ $status -eq 0 ] && [ "$(grep -c '^good' asked.txt)" -eq 17 ] && ! grep -q '^bad' asked.txt && [ ! -e socket ]
+ok $? "the control socket: $(grep -c '^good' asked.txt) answers as they should be, exit $status $(grep -v "^good" asked.txt | head -1)"
+given=$(sed -n 's/^energy *given to the hand: \([0-9.e+-]*\) J.*/\1/p' live.txt)
+above 1e-5 "${given:-1}" # of about 1 mJ stored
+ok $? "six exchanges while it is touched give the hand $given J"
+$palp report part.log -o part.html && grep -q '</svg>' part.html
+ok $? "a record begun in a run can be drawn"
+refuses 2 "cannot listen" "a socket that cannot be" $palpd body.palp --bus loop --device arm3 --control none/socket --seconds 1
+$palpd --check all.scene > check.txt && grep -q 'dynamic' check.txt
+ok $? "palpd --check says what would be felt"
+
 # ---- bounds ----
 $palp wcet all.scene --target x86-64 > wcet.txt && grep -q 'the whole scene' wcet.txt && [ "$(grep -c ' always ' wcet.txt)" -eq 3 ]
 ok $? "palp wcet of a scene: $(tail -1 wcet.txt)"

@@ -40,7 +40,7 @@ export PATH=/bin
 mount -t proc none /proc; mount -t sysfs none /sys; mount -t devtmpfs none /dev
 mkdir -p /dev/pts; mount -t devpts none /dev/pts
 for m in can can-raw can-dev vcan sja1000 kvaser_pci slcan; do [ -f /mods/$m.ko ] && insmod /mods/$m.ko; done
-ip link add dev vcan0 type vcan; ip link set vcan0 mtu 72; ip link set vcan0 up
+for i in 0 1; do ip link add dev vcan$i type vcan; ip link set vcan$i mtu 72; ip link set vcan$i up; done
 echo "KERNEL $(uname -m) $(uname -v)"
 EOF
         cat "$script"
