@@ -152,8 +152,7 @@ static uint64_t run_lockstep(const sim_spec *s, wire *w, uint32_t count, uint64_
     for (uint32_t tick = 0; tick < ticks; tick++) {
         uint32_t events;
         for (wire *of = w; of < w + count; of++) {
-            uint32_t n =
-                sim_bus_pass(&of->bus, 1 / s->rate_hz, frames, RECORD_FRAMES, &events);
+            uint32_t n = sim_bus_pass(&of->bus, 1 / s->rate_hz, frames, RECORD_FRAMES, &events);
             palp_can_frame mark = lockstep_mark(tick, n);
             for (uint32_t i = 0; i < n; i++) (void)lockstep_send(&of->port, &frames[i]);
             (void)lockstep_send(&of->port, &mark);

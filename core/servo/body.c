@@ -166,8 +166,7 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         felt[t].damped_W = result[t].damped_W;
         felt[t].moved_m = result[t].moved_m;
         /* the force that the way met, between those at its ends */
-        felt[t].brought_J =
-            0.5f * palp_dot(palp_add(before_N[t], w.force_N), k->brought_m);
+        felt[t].brought_J = 0.5f * palp_dot(palp_add(before_N[t], w.force_N), k->brought_m);
         felt[t].touching = k->touching;
         felt[t].slipping = k->friction.slipping;
     }

@@ -25,13 +25,14 @@ typedef struct {
     palp_vec3 contact_moment_Nm; /* of the contact about the tip, device; most of which a wrist
                                           without motors lets nobody feel */
     float motor_torque_Nm[PALP_AXES];
-    float stored_J;     /* contact and coupling, in device units */
-    float absorbed_J;   /* net energy that the hand has put in since RUN */
-    float given_J;      /* most energy that it was given beyond that (passivity.h) since RUN */
-    float doubt_N;      /* by how much the force may be off (answer.h), all bodies; device units */
-    float unforeseen_m; /* how far that tool came to rest from where it was foreseen (scene), most */
-    bool held;      /* went on as foreseen: no time for a contact, none found, or none settled */
-    bool shortened; /* did less than it would have with more time */
+    float stored_J;   /* contact and coupling, in device units */
+    float absorbed_J; /* net energy that the hand has put in since RUN */
+    float given_J;    /* most energy that it was given beyond that (passivity.h) since RUN */
+    float doubt_N;    /* by how much the force may be off (answer.h), all bodies; device units */
+    float
+        unforeseen_m; /* how far that tool came to rest from where it was foreseen (scene), most */
+    bool held;        /* went on as foreseen: no time for a contact, none found, or none settled */
+    bool shortened;   /* did less than it would have with more time */
     bool slipping, braked;
 } palp_report;
 

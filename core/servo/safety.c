@@ -108,8 +108,7 @@ palp_safety_step palp_safety_tick(palp_safety *s, uint32_t events, uint32_t peri
          (events & PALP_EVENT_HOLD) != 0u))
         enter(s, PALP_STATE_DAMPING);
     if (s->state == PALP_STATE_DAMPING && s->resume && (events & PALP_EVENT_HOLD) == 0u &&
-        s->faults == 0u && s->tardy_history == 0u &&
-        seconds(s, s->healthy_ticks) >= PALP_HEALTHY_S)
+        s->faults == 0u && s->tardy_history == 0u && seconds(s, s->healthy_ticks) >= PALP_HEALTHY_S)
         enter(s, PALP_STATE_RUN);
     palp_safety_latch(s, 0u);
     const bool home = s->state == PALP_STATE_HOMING && (events & PALP_EVENT_HOME) != 0u &&

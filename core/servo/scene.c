@@ -17,9 +17,9 @@ struct palp_scene {
     palp_scene_drive drive[PALP_SCENE_DRIVES];
     float value[PALP_SCENE_BODIES][PALP_MAX_JOINTS]; /* of multizone models */
     palp_frame root[PALP_SCENE_BODIES];
-    float part[PALP_SCENE_HANDS];   /* of the springs of its tools */
-    bool leaving[PALP_SCENE_HANDS]; /* fades, tools where they were */
-    bool left;                      /* the scene is being left: fades, tools as they move */
+    float part[PALP_SCENE_HANDS];        /* of the springs of its tools */
+    bool leaving[PALP_SCENE_HANDS];      /* fades, tools where they were */
+    bool left;                           /* the scene is being left: fades, tools as they move */
     palp_vec3 off_m[PALP_CONTACT_TOOLS]; /* after an exchange: from where they are held, */
     palp_vec3 out[PALP_CONTACT_TOOLS];   /* this way, */
     uint32_t within[PALP_CONTACT_TOOLS]; /* ticks for which it has to be free until it is out */
@@ -225,8 +225,8 @@ static palp_vec3 way_out(const palp_scene *from, uint32_t hand) {
 }
 
 palp_status palp_scene_take_over(palp_scene *s, const palp_scene *from) {
-    bool same = s->hands == from->hands && palp_same_bits(s->dt_s, from->dt_s) &&
-                palp_scene_has_left(from);
+    bool same =
+        s->hands == from->hands && palp_same_bits(s->dt_s, from->dt_s) && palp_scene_has_left(from);
     for (uint32_t h = 0; h < s->hands && same; h++)
         same = palp_axes(&s->hand[h].config.device.kinematics) ==
                palp_axes(&from->hand[h].config.device.kinematics);
@@ -238,8 +238,7 @@ palp_status palp_scene_take_over(palp_scene *s, const palp_scene *from) {
     }
     for (uint32_t t = 0; t < s->tools; t++) {
         const uint32_t hand = s->mount[t].hand;
-        s->out[t] =
-            palp_rotate(s->hand[hand].config.placement.rotation, way_out(from, hand));
+        s->out[t] = palp_rotate(s->hand[hand].config.placement.rotation, way_out(from, hand));
         s->pushed_N[hand] = s->out[t];
         s->within[t] = s->hand[hand].feels ? OUT_TICKS : 0u;
     }
@@ -358,8 +357,8 @@ static void lead_tools(palp_scene *s) {
             s->within[t]--;
         } else {
             if (free && off > 0.0f)
-                s->off_m[t] = palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f),
-                                         s->out[t]);
+                s->off_m[t] =
+                    palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f), s->out[t]);
         }
     }
 }
@@ -382,8 +381,7 @@ static void gather(const palp_scene *s, uint32_t hand, palp_hand_felt *sum) {
         for (uint32_t t = 0; t < s->tools; t++) {
             const palp_body_felt *f = &s->felt[b][t];
             if (s->mount[t].hand != hand || !(tool[t].part > 0.0f)) continue;
-            const palp_vec3 arm =
-                palp_sub(palp_sub(tool[t].at.t, s->off_m[t]), tip->at.t);
+            const palp_vec3 arm = palp_sub(palp_sub(tool[t].at.t, s->off_m[t]), tip->at.t);
             const palp_vec3 moment =
                 palp_add(f->wrench.moment_Nm, palp_cross(arm, f->wrench.force_N));
             sum->wrench.force_N = palp_add(sum->wrench.force_N, f->wrench.force_N);

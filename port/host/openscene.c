@@ -45,8 +45,7 @@ static void open_zones(const scene_body *b, scene_part *part, const void *data) 
         need_regular(b->path, &part->zones.blob[i]);
     const size_t bytes = palp_assembly_memsize(&part->zones, SEAMS_FINEST);
     part->memory = allocate_aligned(bytes + 1, 1);
-    status =
-        palp_assembly_init(&part->assembly, &part->zones, SEAMS_FINEST, part->memory, bytes);
+    status = palp_assembly_init(&part->assembly, &part->zones, SEAMS_FINEST, part->memory, bytes);
     if (status != PALP_OK) die(EXIT_WORK, "%s: %s", b->path, palp_status_text(status));
     const palp_vec3 gravity = vec(b->gravity_m_s2);
     if (palp_norm(gravity) > 0 && palp_assembly_gravity(&part->assembly, gravity) != PALP_OK)
@@ -226,8 +225,9 @@ static void place_device(scene_setup *s, uint32_t number) {
     if (d->where != SCENE_STATED) {
         const bool ball = palp_tool_is_ball(&first->tool);
         const spot_tool held = {.tool = first->sized && !ball ? &first->tool : NULL,
-                                .radius_m = !first->sized ? 0 : ball ? first->tool.ball[0].radius_m
-                                                        : palp_tool_size(&first->tool),
+                                .radius_m = !first->sized ? 0
+                                            : ball        ? first->tool.ball[0].radius_m
+                                                          : palp_tool_size(&first->tool),
                                 .at = scene_frame(&first->at)};
         surface_spot spot = spot_for(s, d, device, &held);
         const palp_frame *at = &s->body[body_of(s->file, d)].at;
@@ -235,13 +235,12 @@ static void place_device(scene_setup *s, uint32_t number) {
         spot.normal = palp_rotate(at->r, spot.normal);
         const scene_place turn = {.turn_deg = {d->turn_deg[0], d->turn_deg[1], d->turn_deg[2]}};
         const palp_frame turned = scene_frame(&turn);
-        s->touch[number] =
-            place_under(&spot, device, &held, d->turned ? turned.r : NULL, d->scale);
+        s->touch[number] = place_under(&spot, device, &held, d->turned ? turned.r : NULL, d->scale);
         d->stated = s->touch[number].placement;
         d->where = SCENE_STATED;
     } else {
-        s->touch[number] = (touch_frame){.placement = d->stated,
-                                         .tool_radius_m = palp_tool_size(&first->tool)};
+        s->touch[number] =
+            (touch_frame){.placement = d->stated, .tool_radius_m = palp_tool_size(&first->tool)};
     }
     for (uint32_t t = 0; t < s->file->tools; t++) {
         scene_mount *m = &s->file->tool[t];
@@ -298,15 +297,13 @@ scene_setup *scene_set_up(scene_file *file) {
     for (uint32_t f = 0; f < file->follows; f++) open_follow(s, f);
     for (uint32_t d = 0; d < file->devices; d++) {
         place_device(s, d);
-        s->hand[d] = (palp_hand_config){.device = s->device[d].device,
-                                        .placement = file->device[d].stated};
+        s->hand[d] =
+            (palp_hand_config){.device = s->device[d].device, .placement = file->device[d].stated};
     }
     for (uint32_t t = 0; t < file->tools; t++) {
         const scene_mount *m = &file->tool[t];
-        s->tool[t] = (palp_scene_tool){.tool = m->tool,
-                                       .hand = m->device,
-                                       .at = scene_frame(&m->at),
-                                       .jaw = (float)m->jaw};
+        s->tool[t] = (palp_scene_tool){
+            .tool = m->tool, .hand = m->device, .at = scene_frame(&m->at), .jaw = (float)m->jaw};
     }
     s->config = (palp_scene_config){.body = s->body,
                                     .tool = s->tool,

@@ -116,9 +116,9 @@ touch_frame place_under(const surface_spot *spot, const palp_device *device, con
     touch_frame t = {.node = spot->node, .placement = {.scale = 1}};
     if (size < workspace / 3 || size > 2 * workspace) t.placement.scale = size / workspace;
     if (scale > 0) t.placement.scale = (float)scale;
-    t.tool_radius_m = held->radius_m > 0 ? held->radius_m
-                                         : fmaxf(device->tool_radius_m * t.placement.scale,
-                                                 0.5f * spot->edge_m);
+    t.tool_radius_m = held->radius_m > 0
+                          ? held->radius_m
+                          : fmaxf(device->tool_radius_m * t.placement.scale, 0.5f * spot->edge_m);
     if (rotation != NULL)
         for (int e = 0; e < 9; e++) t.placement.rotation[e] = rotation[e];
     else

@@ -275,7 +275,8 @@ typedef struct {
 static bool parse_header_line(session_record *s, header_counts *n, const char *line) {
     float three[3], one;
     uint32_t bytes, crc;
-    if (n->blobs < PALP_SCENE_BODIES && sscanf(line, "blob %" SCNu32 " %" SCNu32, &bytes, &crc) == 2) {
+    if (n->blobs < PALP_SCENE_BODIES &&
+        sscanf(line, "blob %" SCNu32 " %" SCNu32, &bytes, &crc) == 2) {
         s->blob_bytes[n->blobs] = bytes;
         s->blob_crc[n->blobs++] = crc;
         return true;
@@ -308,8 +309,7 @@ static char *cut_description(char *text) {
 
 static void parse_scene(session_record *s, const char *path, char *text) {
     char *description = cut_description(text);
-    if (description == NULL)
-        die(EXIT_WORK, "%s: the session's description has no device", path);
+    if (description == NULL) die(EXIT_WORK, "%s: the session's description has no device", path);
     s->scene = scene_read_text(path, NULL, text);
     for (uint32_t d = 0; d < s->scene->devices; d++) {
         char *next = cut_description(description);
@@ -466,9 +466,9 @@ static bool take_result(record_reader *r, tick_record *t, uint32_t hand) {
 static void take_bodies(record_reader *r, tick_record *t) {
     while (peek(r) && is_own(r, ID_BODY, 20)) {
         const uint8_t *d = r->frame.data;
-        need_range(r, d[0] < PALP_SCENE_BODIES && d[1] <= PALP_BODY_DYNAMIC &&
-                          d[2] < PALP_CONTACT_LEVELS,
-                   "body, kind or level");
+        need_range(
+            r, d[0] < PALP_SCENE_BODIES && d[1] <= PALP_BODY_DYNAMIC && d[2] < PALP_CONTACT_LEVELS,
+            "body, kind or level");
         palp_body_report *p = &t->body[d[0]];
         t->kind[d[0]] = (palp_body_kind)d[1];
         p->level = d[2];

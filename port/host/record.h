@@ -80,9 +80,9 @@ typedef struct {
 
 /* What the controller was told when the session was opened. */
 typedef struct {
-    scene_file *scene;   /* as written in the log: its placements stated */
+    scene_file *scene; /* as written in the log: its placements stated */
     palp_cost_table cost;
-    palp_target target;  /* of cost, when read */
+    palp_target target; /* of cost, when read */
     bool resume;
     uint32_t blob_crc[PALP_SCENE_BODIES], blob_bytes[PALP_SCENE_BODIES];
     uint32_t tool_crc[PALP_CONTACT_TOOLS], tool_bytes[PALP_CONTACT_TOOLS]; /* of files; 0: none */

@@ -125,8 +125,7 @@ static scene_body *current_body(const reading *r, const argument *a) {
 }
 
 static scene_device *current_device(const reading *r, const argument *a) {
-    if (r->s->devices == 0)
-        die(EXIT_USAGE, "%s: needs a 'device' line before it", a->where);
+    if (r->s->devices == 0) die(EXIT_USAGE, "%s: needs a 'device' line before it", a->where);
     return &r->s->device[r->s->devices - 1];
 }
 
@@ -149,8 +148,7 @@ static scene_track *motion_of(scene_body *b, const argument *a) {
 
 static void take_follow(const reading *r, const argument *a) {
     scene_file *s = r->s;
-    if (a->count < 4)
-        die(EXIT_USAGE, "%s: need JOINT DEVICE AXIS SCALE [OFFSET]", a->where);
+    if (a->count < 4) die(EXIT_USAGE, "%s: need JOINT DEVICE AXIS SCALE [OFFSET]", a->where);
     if (s->follows == PALP_SCENE_DRIVES)
         die(EXIT_USAGE, "%s: more than %u joints follow axes", a->where, PALP_SCENE_DRIVES);
     (void)current_body(r, a);
@@ -250,8 +248,8 @@ static bool take_device_key(reading *r, const argument *a) {
     } else if (strcmp(o, "placement") == 0) {
         scene_device *d = current_device(r, a);
         stand_at(d, a, SCENE_STATED);
-        d->stated.origin_m = (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1),
-                                         (float)arg_double(a, 2)};
+        d->stated.origin_m =
+            (palp_vec3){(float)arg_double(a, 0), (float)arg_double(a, 1), (float)arg_double(a, 2)};
         d->stated.scale = (float)positive(a, 3);
     } else if (strcmp(o, "rotation") == 0) {
         scene_device *d = current_device(r, a);
@@ -266,8 +264,7 @@ static bool take_device_key(reading *r, const argument *a) {
 
 /* Its numbers, each above 0. */
 static void need_sizes(const argument *a, int count, const char *names) {
-    if (a->count != count + 1)
-        die(EXIT_USAGE, "%s: %s needs %s", a->where, a->value[0], names);
+    if (a->count != count + 1) die(EXIT_USAGE, "%s: %s needs %s", a->where, a->value[0], names);
     for (int k = 1; k <= count; k++) (void)positive(a, k);
 }
 
@@ -287,17 +284,18 @@ static palp_tool tool_of(const argument *a) {
     } else if (strcmp(kind, "cylinder") == 0) {
         need_sizes(a, 2, "a radius and half of its length");
         t.shape = PALP_TOOL_CYLINDER;
-        t.cylinder = (palp_cylinder){
-            .axis = up, .radius_m = v[1], .half_m = v[2], .rim_m = 0.25f * v[1]};
+        t.cylinder =
+            (palp_cylinder){.axis = up, .radius_m = v[1], .half_m = v[2], .rim_m = 0.25f * v[1]};
     } else if (strcmp(kind, "pad") == 0) {
         need_sizes(a, 3, "half of its two sides and the radius of its edges");
         t.shape = PALP_TOOL_PAD;
-        t.pad = (palp_pad){.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
-                           .half_m = {v[1], v[2]},
-                           .edge_m = v[3]};
+        t.pad = (palp_pad){
+            .axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, .half_m = {v[1], v[2]}, .edge_m = v[3]};
     } else {
-        die(EXIT_USAGE, "%s: no tool '%s': ball R, capsule R HALF, cylinder R HALF, pad HX HY EDGE, "
-            "or a file.tool of palp tool", a->where, kind);
+        die(EXIT_USAGE,
+            "%s: no tool '%s': ball R, capsule R HALF, cylinder R HALF, pad HX HY EDGE, "
+            "or a file.tool of palp tool",
+            a->where, kind);
     }
     if (!palp_tool_is_sound(&t)) die(EXIT_USAGE, "%s: not a sound tool", a->where);
     return t;
@@ -394,8 +392,8 @@ static void check(const scene_file *s) {
     }
     for (uint32_t f = 0; f < s->follows; f++) {
         if (s->follow[f].device >= s->devices)
-            die(EXIT_USAGE, "%s: there are %" PRIu32 " devices, counted from 0",
-                s->follow[f].where, s->devices);
+            die(EXIT_USAGE, "%s: there are %" PRIu32 " devices, counted from 0", s->follow[f].where,
+                s->devices);
     }
 }
 
@@ -411,8 +409,7 @@ scene_file *scene_read(const char *path) {
     size_t bytes;
     char *text = read_file(path, &bytes);
     const char *slash = strrchr(path, '/');
-    if (slash != NULL)
-        snprintf(folder, sizeof folder, "%.*s", (int)(slash + 1 - path), path);
+    if (slash != NULL) snprintf(folder, sizeof folder, "%.*s", (int)(slash + 1 - path), path);
     scene_file *s = scene_read_text(path, folder, text);
     free(text);
     return s;
@@ -428,9 +425,7 @@ void scene_free(scene_file *s) {
     free(s);
 }
 
-bool scene_is_here(const char *path) {
-    return has_extension(path, ".scene");
-}
+bool scene_is_here(const char *path) { return has_extension(path, ".scene"); }
 
 /* ---- writing ---- */
 
@@ -503,7 +498,8 @@ static void write_device(FILE *f, const scene_file *s, uint32_t number) {
     const palp_placement *p = &d->stated;
     fputs("device ", f);
     write_name(f, d->name);
-    fprintf(f, "\nbus %s\nplacement %.9g %.9g %.9g %.9g\nrotation", d->bus, (double)p->origin_m.x, (double)p->origin_m.y, (double)p->origin_m.z, (double)p->scale);
+    fprintf(f, "\nbus %s\nplacement %.9g %.9g %.9g %.9g\nrotation", d->bus, (double)p->origin_m.x,
+            (double)p->origin_m.y, (double)p->origin_m.z, (double)p->scale);
     for (int e = 0; e < 9; e++) fprintf(f, " %.9g", (double)p->rotation[e]);
     fputc('\n', f);
     for (uint32_t t = 0; t < s->tools; t++) {

@@ -43,7 +43,8 @@ typedef struct {
     scene_place at;
     uint32_t finest; /* level of contact */
     bool alone;      /* its zones do not touch each other */
-    double gravity_m_s2[3], young_Pa, poisson, damping_s, drag_per_s; /* of materials -1: the blob's */
+    double gravity_m_s2[3], young_Pa, poisson, damping_s,
+        drag_per_s; /* of materials -1: the blob's */
     scene_motion *motion;
     size_t motions, room;
 } scene_body;
@@ -58,9 +59,9 @@ typedef struct {
     /* What lies under the tool at the device's origin: */
     scene_where where;
     char body[SCENE_WORD]; /* "": the first */
-    double place_m[3];     /* NEAR: the point of the surface nearest to it, in the body's coordinates */
-    uint32_t node;         /* AT_NODE */
-    double turn_deg[3];    /* of the device's axes in the scene, where turned */
+    double place_m[3]; /* NEAR: the point of the surface nearest to it, in the body's coordinates */
+    uint32_t node;     /* AT_NODE */
+    double turn_deg[3]; /* of the device's axes in the scene, where turned */
     bool turned;
     palp_placement stated; /* STATED */
     double scale;          /* 0: chosen */

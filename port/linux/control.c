@@ -14,8 +14,8 @@ void control_open(control *c, const char *path) {
     *c = (control){.path = path};
     for (int i = 0; i < CONTROL_CLIENTS; i++) c->client[i].fd = -1;
     if (strlen(path) >= sizeof at.sun_path)
-        die(EXIT_USAGE, "--control: '%s' is longer than the %zu letters that a socket may have", path,
-            sizeof at.sun_path - 1);
+        die(EXIT_USAGE, "--control: '%s' is longer than the %zu letters that a socket may have",
+            path, sizeof at.sun_path - 1);
     snprintf(at.sun_path, sizeof at.sun_path, "%s", path);
     c->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (c->fd < 0) die(EXIT_WORK, "--control: no socket: %s", strerror(errno));

@@ -35,9 +35,10 @@ static void announce(follower *f, const tick_hand *t, uint32_t hand) {
         snprintf(which, sizeof which, "device %" PRIu32 " on %s: ", hand, scene->device[hand].bus);
     const bool quiet = f->loop->simulated || f->loop->lockstep;
     if (r->state == PALP_STATE_HOMING && !f->home) {
-        warn("%sHOMING: hold the mechanism at its home pose ('joint-home' of the device), then send "
-             "SIGUSR1",
-             which);
+        warn(
+            "%sHOMING: hold the mechanism at its home pose ('joint-home' of the device), then send "
+            "SIGUSR1",
+            which);
         return;
     }
     if (quiet && !palp_state_is_stopped(r->state)) return;
@@ -123,7 +124,8 @@ void follow_begin(follower *f, size_t capacity) {
     const bool plain = s->config.bodies == 1 && s->part[0].kind == PALP_BODY_ELASTIC;
     r->bodies = plain ? 0 : s->config.bodies;
     for (uint32_t b = 0; b < r->bodies; b++)
-        r->body[b] = (run_body){.name = copy_string(s->file->body[b].name), .kind = s->part[b].kind};
+        r->body[b] =
+            (run_body){.name = copy_string(s->file->body[b].name), .kind = s->part[b].kind};
 }
 
 /* An array in a ring in the order of time. */

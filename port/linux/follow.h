@@ -19,7 +19,7 @@ typedef struct {
 
 typedef struct {
     servo_loop *loop;
-    FILE *log; /* NULL: none */
+    FILE *log;      /* NULL: none */
     bool exchanged; /* bodies or tools: what follows is not of those that the record names */
     void (*serve)(void *context); /* called between looks at the ring; NULL: none */
     void *context;

@@ -56,18 +56,19 @@ typedef struct {
 typedef struct {
     scene_setup *setup;
     palp_scene *scene;
-    _Atomic(loop_scene *) next; /* to be exchanged for the present one: set by anybody, with the same
+    _Atomic(loop_scene *)
+        next;                  /* to be exchanged for the present one: set by anybody, with the same
                                    devices, while it is NULL; then the loop's until it is NULL again, */
-    _Atomic(loop_scene *) old;  /* and the one before is here, for whoever set `next` */
+    _Atomic(loop_scene *) old; /* and the one before is here, for whoever set `next` */
     loop_line line[PALP_SCENE_HANDS];
     double rate_hz;
-    uint64_t ticks; /* 0: until stopped */
-    bool simulated; /* devices in this process */
-    bool paced;     /* wait for the clock; else as fast as it goes, dropping nothing */
-    bool lockstep;  /* no clock at all */
+    uint64_t ticks;    /* 0: until stopped */
+    bool simulated;    /* devices in this process */
+    bool paced;        /* wait for the clock; else as fast as it goes, dropping nothing */
+    bool lockstep;     /* no clock at all */
     _Atomic bool hold; /* stay in READY until the operator's next reset */
-    bool home;      /* mechanisms stand at their home poses at the start */
-    ring ring;      /* of tick_record, record_bytes each */
+    bool home;         /* mechanisms stand at their home poses at the start */
+    ring ring;         /* of tick_record, record_bytes each */
     _Atomic uint32_t operator_events; /* RESET and ESTOP, set by anybody, used once */
     _Atomic bool stop, finished;
     /* Written by the loop, to be read when it has finished. */

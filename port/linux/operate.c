@@ -16,9 +16,11 @@
 /* Whether palpd in a process of its own takes the file: what is wrong with it ends that one. */
 static bool check_apart(const char *file, const char *device, const char *tool, char *why,
                         size_t room) {
-    char *argv[] = {(char[]){"palpd"},    (char[]){"--check"}, (char *)(uintptr_t)file,
-                    (char[]){"--bus"},    (char[]){"loop"},    (char[]){"--device"},
-                    (char *)(uintptr_t)device, (char[]){"--tool"}, (char *)(uintptr_t)tool, NULL};
+    char *argv[] = {(char[]){"palpd"},         (char[]){"--check"},
+                    (char *)(uintptr_t)file,   (char[]){"--bus"},
+                    (char[]){"loop"},          (char[]){"--device"},
+                    (char *)(uintptr_t)device, (char[]){"--tool"},
+                    (char *)(uintptr_t)tool,   NULL};
     if (tool[0] == '\0') argv[7] = NULL;
     if (device[0] == '\0') argv[5] = NULL;
     int ends[2], status = 1;
@@ -101,7 +103,8 @@ static load_stage read_next(operation *o) {
     if (f == NULL) return refuse(o, "no memory");
     if (scene && !same_devices(f, now->file)) {
         scene_free(f);
-        return refuse(o, "it has other devices: these go on, so they must be the same, in their order");
+        return refuse(
+            o, "it has other devices: these go on, so they must be the same, in their order");
     }
     f->rate_hz = now->file->rate_hz;
     for (uint32_t d = 0; d < f->devices; d++) {
@@ -112,8 +115,7 @@ static load_stage read_next(operation *o) {
     o->next.setup = scene_set_up(f);
     o->next.setup->config.cost = now->config.cost;
     o->next.setup->config.port = now->config.port;
-    for (uint32_t d = 0; d < f->devices; d++)
-        o->next.setup->hand[d].resume = now->hand[d].resume;
+    for (uint32_t d = 0; d < f->devices; d++) o->next.setup->hand[d].resume = now->hand[d].resume;
     o->next.scene = scene_try_open(o->next.setup, why, sizeof why);
     if (o->next.scene != NULL) return LOAD_READ;
     scene_tear_down(o->next.setup, NULL);
@@ -179,7 +181,8 @@ static void begin_record(operation *o, const char *file, char *answer, size_t ro
     char folder[CONTROL_LINE];
     snprintf(folder, sizeof folder, "%s", file);
     if (o->follower->log != NULL) {
-        snprintf(answer, room, "error a log is being written: record off ends one that was begun here");
+        snprintf(answer, room,
+                 "error a log is being written: record off ends one that was begun here");
         return;
     }
     if (access(dirname(folder), W_OK) != 0) {
@@ -199,11 +202,10 @@ static void say_state(const operation *o, char *answer, size_t room) {
     const follower *f = o->follower;
     const run_record *r = &f->record;
     const load_stage stage = atomic_load(&o->stage);
-    size_t used = (size_t)snprintf(answer, room, "ok tick %" PRIu64 " scene %s load %s%s%s record %s",
-                                   f->last_tick, o->scene, stages[stage],
-                                   stage == LOAD_REFUSED ? ": " : "",
-                                   stage == LOAD_REFUSED ? o->said : "",
-                                   f->log != NULL ? "on" : "off");
+    size_t used =
+        (size_t)snprintf(answer, room, "ok tick %" PRIu64 " scene %s load %s%s%s record %s",
+                         f->last_tick, o->scene, stages[stage], stage == LOAD_REFUSED ? ": " : "",
+                         stage == LOAD_REFUSED ? o->said : "", f->log != NULL ? "on" : "off");
     for (uint32_t h = 0; h < r->hands && r->count > 0 && used < room; h++) {
         const palp_report *p = &r->hand[h].tick[(f->taken - 1) % f->capacity];
         char faults[128];

@@ -86,7 +86,7 @@ static const option options[] = {
     {"--strict-rt", 0}, {"--view", 1},     {"--dds", 0},      {"--resume", 0},
     {"--hold", 0},      {"--home", 0},     {"--fault", 1},    {"--seed", 1},
     {"--lockstep", 0},  {"--target", 1},   {"--tool", 1},     {"--tool-radius", 1},
-    {"--place", 3},     {"--control", 1}, {"--check", 0},     {NULL, 0}};
+    {"--place", 3},     {"--control", 1},  {"--check", 0},    {NULL, 0}};
 
 #define MAX_RECORDED 2000000u
 #define FAR_SCALE 10.0  /* of a body in the workspace, from which units are doubted */
@@ -140,9 +140,9 @@ static void set_option(void *context, const argument *a) {
     const struct {
         const char *name;
         const char **value;
-    } text[] = {{"--bus", &s->bus},     {"--device", &s->device}, {"--hand", &s->hand},
-                {"--log", &s->log},     {"--report", &s->report}, {"--view", &s->view},
-                {"--fault", &s->fault}, {"--target", &s->target}, {"--tool", &s->tool},
+    } text[] = {{"--bus", &s->bus},        {"--device", &s->device}, {"--hand", &s->hand},
+                {"--log", &s->log},        {"--report", &s->report}, {"--view", &s->view},
+                {"--fault", &s->fault},    {"--target", &s->target}, {"--tool", &s->tool},
                 {"--control", &s->control}};
     const struct {
         const char *name;
@@ -462,8 +462,8 @@ static void set_loop(servo_loop *loop, const daemon_spec *s, const scene_file *f
     loop->ring.slots = RING_SLOTS;
     loop->ring.bytes = (record_bytes(f->devices) + 63u) / 64u * 64u;
     /* Every page is touched now, locked or not, so that the loop never faults. */
-    loop->ring.memory = memset(allocate_aligned(RING_SLOTS, loop->ring.bytes), 1,
-                               RING_SLOTS * loop->ring.bytes);
+    loop->ring.memory =
+        memset(allocate_aligned(RING_SLOTS, loop->ring.bytes), 1, RING_SLOTS * loop->ring.bytes);
     loop->scratch = allocate_aligned(1, loop->ring.bytes);
 }
 
@@ -529,9 +529,8 @@ int main(int argc, char **argv) {
     for (uint32_t h = 0; h < file->devices; h++) setup->hand[h].resume = s.resume;
     machine speed;
     setup->config.port = (palp_port){.now_ns = loop_clock, .context = loop};
-    setup->config.cost = (palp_cost_table){.target = &palp_target_counted,
-                                           .ns_per_instruction = LOCKSTEP_NS,
-                                           .margin = TICK_SHARE};
+    setup->config.cost = (palp_cost_table){
+        .target = &palp_target_counted, .ns_per_instruction = LOCKSTEP_NS, .margin = TICK_SHARE};
     if (!s.lockstep) {
         find_speed(&speed, &s, setup);
         setup->config.cost = machine_table(&speed, TICK_SHARE);

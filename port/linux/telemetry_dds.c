@@ -55,7 +55,8 @@ static dds_entity_t writer(const telemetry *t, const dds_topic_descriptor_t *typ
     dds_qset_reliability(q, keep ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
                          DDS_MSECS(10));
     if (keep) dds_qset_durability(q, DDS_DURABILITY_TRANSIENT_LOCAL);
-    dds_entity_t topic = check(dds_create_topic(t->participant, type, topic_name, NULL, NULL), name);
+    dds_entity_t topic =
+        check(dds_create_topic(t->participant, type, topic_name, NULL, NULL), name);
     dds_entity_t w = check(dds_create_writer(t->participant, topic, q, NULL), name);
     dds_delete_qos(q);
     return w;

@@ -318,7 +318,8 @@ static void test_exchange(void) {
     for (uint32_t i = 0; i < exchanges; i++) {
         palp_scene *next;
         choose_next(&s, i, &body, tool);
-        if (palp_scene_open(&next, &s.config, other, bytes, NULL) != PALP_OK) die(EXIT_WORK, "next");
+        if (palp_scene_open(&next, &s.config, other, bytes, NULL) != PALP_OK)
+            die(EXIT_WORK, "next");
         refused += palp_scene_take_over(next, s.scene) == PALP_ERR_ARGUMENT ? 1u : 0u;
         touching += s.report.felt[0][0].touching && s.report.felt[0][1].touching ? 1u : 0u;
         palp_scene_leave(s.scene);

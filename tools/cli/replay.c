@@ -48,7 +48,7 @@ typedef struct {
     const tick_record *tick;
     uint32_t next;
     uint64_t periods; /* since the start, those that were skipped as well */
-    bool short_of; /* asked for more than was recorded: the runs have parted */
+    bool short_of;    /* asked for more than was recorded: the runs have parted */
 } recorded_clock;
 
 static uint64_t read_clock(void *context) {
@@ -107,8 +107,10 @@ static void name_files(const replay_spec *s, session_record *session) {
     if (scene_is_here(s->blob)) {
         scene_file *named = scene_read(s->blob);
         if (named->bodies != of->bodies || named->tools != of->tools)
-            die(EXIT_WORK, "%s is not the scene of this session, which had %" PRIu32
-                " bodies and %" PRIu32 " tools", s->blob, of->bodies, of->tools);
+            die(EXIT_WORK,
+                "%s is not the scene of this session, which had %" PRIu32 " bodies and %" PRIu32
+                " tools",
+                s->blob, of->bodies, of->tools);
         for (uint32_t b = 0; b < of->bodies; b++)
             memcpy(of->body[b].path, named->body[b].path, sizeof of->body[b].path);
         for (uint32_t t = 0; t < of->tools; t++)
@@ -172,8 +174,7 @@ static void repeat(const scene_setup *setup, palp_scene *scene, recorded_clock *
             snprintf(why, room, "force, state or level differ");
     }
     palp_scene_spare(scene);
-    if (why[0] == '\0' && *digest != t->digest)
-        snprintf(why, room, "force, state or level differ");
+    if (why[0] == '\0' && *digest != t->digest) snprintf(why, room, "force, state or level differ");
     if (why[0] == '\0' && (clock->short_of || clock->next != t->clock_count))
         snprintf(why, room, "the clock was read %" PRIu32 " times, %" PRIu32 " on record",
                  clock->next, t->clock_count);
@@ -224,7 +225,8 @@ int command_replay(int argc, char **argv) {
     if (csv.file != NULL && why[0] == '\0') commit_output(&csv);
     if (ticks == 0) die(EXIT_WORK, "%s: no tick on record", s.log);
     if (why[0] != '\0')
-        die(EXIT_WORK, "%s: tick %" PRIu64 " at %.6f s: %s", s.log, t->hand[0].report.tick, t->time_s, why);
+        die(EXIT_WORK, "%s: tick %" PRIu64 " at %.6f s: %s", s.log, t->hand[0].report.tick,
+            t->time_s, why);
     if (!ended) warn("%s: the log ends before its run did", s.log);
     printf("%s: %" PRIu64 " ticks repeated bit for bit, digest %016" PRIx64 "\n", s.log, ticks,
            digest);

@@ -41,8 +41,8 @@ int command_report(int argc, char **argv) {
     run_record r = {
         .hands = scene->devices, .rate_hz = scene->rate_hz, .title = s.log, .from_log = true};
     for (uint32_t h = 0; h < r.hands; h++)
-        r.hand[h] = (run_hand){.device_name = h == 0 && r.hands == 1 ? "as recorded"
-                                                                     : scene->device[h].name,
+        r.hand[h] = (run_hand){.device_name =
+                                   h == 0 && r.hands == 1 ? "as recorded" : scene->device[h].name,
                                .bus_name = scene->device[h].bus,
                                .bus_load = "not in a log"};
     size_t capacity[PALP_SCENE_HANDS] = {0}, late_capacity = 0;

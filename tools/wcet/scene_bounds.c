@@ -13,7 +13,8 @@ static uint64_t no_clock(void *context) {
 
 /* What an opened body takes, in the unit of its prices. */
 typedef struct {
-    double least, tick[PALP_CONTACT_LEVELS]; /* on a level of contact; of a dynamic body all the same */
+    double least,
+        tick[PALP_CONTACT_LEVELS]; /* on a level of contact; of a dynamic body all the same */
 } body_cost;
 
 static body_cost cost_of(const palp_body *body) {

@@ -88,7 +88,7 @@ static void set_option(void *context, const argument *a) {
 /* ---- one row of the table ---- */
 
 void wcet_add(wcet_table *t, const char *step, const char *counts, int level, int outer,
-                double instructions, double bytes) {
+              double instructions, double bytes) {
     t->row = grow(t->row, &t->capacity, t->rows + 1, sizeof *t->row);
     wcet_row *r = &t->row[t->rows++];
     *r = (wcet_row){.level = level, .outer = outer, .instructions = instructions, .bytes = bytes};
@@ -180,8 +180,8 @@ static void bound_levels(const palp_contact_cost c[2], const palp_contact_cost a
     }
     const body_level coarsest = {.number = 0};
     wcet_add(t, "least", "one filling, three iterations on the coarsest level", 0, 0,
-        (double)least(&at_least[0], &coarsest) + always[0],
-        (double)least(&at_least[1], &coarsest) + always[1]);
+             (double)least(&at_least[0], &coarsest) + always[0],
+             (double)least(&at_least[1], &coarsest) + always[1]);
 }
 
 static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *blob, wcet_table *t) {
@@ -242,9 +242,9 @@ static void bound_zones(const wcet_spec *s, const machine *m, const void *data, 
         const uint32_t at = i == 0 ? PALP_SEAM_LEVELS : i - 1u;
         const palp_seam_cost *one = &moving[0].seam_cost[at], *two = &moving[1].seam_cost[at];
         wcet_add(t, "factor", "all seams", (int)i - 1, (int)i - 1, (double)one->factor,
-            (double)two->factor);
+                 (double)two->factor);
         wcet_add(t, "settle", "all seams", (int)i - 1, (int)i - 1, (double)one->settle,
-            (double)two->settle);
+                 (double)two->settle);
     }
     double always[2] = {(double)palp_moving_least(&moving[0]),
                         (double)palp_moving_least(&moving[1])};
@@ -315,7 +315,7 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
         snprintf(counts, sizeof counts, "finest mesh, %u steps", palp_dyna_steps(&d.dyna, q));
         if (q > 0 && palp_dyna_steps(&d.dyna, q) == palp_dyna_steps(&d.dyna, q - 1u)) break;
         wcet_add(t, "tick", counts, (int)meta->levels - 1, (int)meta->levels - 1, tick[0][q],
-            tick[1][q]);
+                 tick[1][q]);
     }
     wcet_add(t, "least", "coarsest mesh, one step, all merged", 0, 0, least[0], least[1]);
     t->ram_bytes = room;
