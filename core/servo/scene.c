@@ -345,18 +345,18 @@ static float stored_by(const palp_scene *s, uint32_t tool) {
 /* After an exchange: out of the bodies, and back as far as nothing presses. */
 static void lead_tools(palp_scene *s) {
     for (uint32_t t = 0; t < s->tools; t++) {
-        const bool free = !(stored_by(s, t) > PALP_SCENE_BACK_J);
+        const bool loose = !(stored_by(s, t) > PALP_SCENE_BACK_J);
         const float off = palp_dot(s->off_m[t], s->out[t]);
         if (!s->hand[s->mount[t].hand].feels) {
             s->within[t] = 0;
             s->off_m[t] = (palp_vec3){0.0f, 0.0f, 0.0f};
-        } else if (s->within[t] > 0u && !free) {
+        } else if (s->within[t] > 0u && !loose) {
             s->within[t] = OUT_TICKS;
             s->off_m[t] = palp_scale(off + PALP_SCENE_OUT_M_S * s->dt_s, s->out[t]);
         } else if (s->within[t] > 0u) {
             s->within[t]--;
         } else {
-            if (free && off > 0.0f)
+            if (loose && off > 0.0f)
                 s->off_m[t] =
                     palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f), s->out[t]);
         }

@@ -142,6 +142,14 @@ refuses 2 "cannot listen" "a socket that cannot be" $palpd body.palp --bus loop 
 $palpd --check all.scene > check.txt && grep -q 'dynamic' check.txt
 ok $? "palpd --check says what would be felt"
 
+# ---- in virtual time ----
+$palp play all.scene --ns-per-operation 0.1 -o one.out --report play.html > play.txt && $palp play all.scene --ns-per-operation 0.1 -o two.out > /dev/null && cmp -s one.out two.out && grep -q '</svg>' play.html
+ok $? "palp play repeats a scene to the last digit: $(grep '^tick latency' play.txt)"
+[ "$(wc -l < one.out)" -eq 2001 ] && awk -F, 'NR > 1 && $2 == 1 && $9 > 0.01 {felt = 1} END {exit !felt}' one.out
+ok $? "a line for each tick and device"
+rm -f one.out two.out
+refuses 2 'a scene says these itself' "options of a blob" $palp play all.scene --scene two.scene
+
 # ---- bounds ----
 $palp wcet all.scene --target x86-64 > wcet.txt && grep -q 'the whole scene' wcet.txt && [ "$(grep -c ' always ' wcet.txt)" -eq 3 ]
 ok $? "palp wcet of a scene: $(tail -1 wcet.txt)"

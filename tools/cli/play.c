@@ -20,6 +20,12 @@
 
 static const char help[] =
     "usage: palp play BLOB --scene FILE [-o OUT.csv] [--report OUT.html] [OPTIONS]\n"
+    "       palp play SCENE [-o OUT.csv] [--report OUT.html] [OPTIONS]\n"
+    "\n"
+    "Plays a scene with devices (sim/README.md) in virtual time, which palpd --bus loop feels by "
+    "the "
+    "clock;\n"
+    "or, with --scene, one without:\n"
     "\n"
     "Moves a multizone model along a scene's joint trajectories and touches it with a rigid "
     "cylinder "
@@ -507,6 +513,14 @@ int command_play(int argc, char **argv) {
     play_spec s = {.finest = 4, .young_Pa = -1, .poisson = -1, .damping_s = -1, .drag_per_s = -1};
     args_parse(argc, argv, options, help, set_option, &s);
     if (s.blob == NULL) die(EXIT_USAGE, "no blob named (--help shows the usage)");
+    if (scene_is_here(s.blob)) {
+        if (s.scene != NULL || s.wall || s.alone || s.finest_given || s.material != NULL ||
+            s.uniform)
+            die(EXIT_USAGE, "--scene, --clock wall, --no-pairs, --finest, --material and --uniform "
+                            "go with a blob: a scene says these itself");
+        machine_choose(&s.machine, s.target, s.ns_per_operation);
+        return play_scene(&s, scene_read(s.blob));
+    }
     if (s.scene == NULL) die(EXIT_USAGE, "no scene: add --scene FILE");
     size_t bytes;
     char *data = read_file(s.blob, &bytes);

@@ -6,6 +6,7 @@
 #define PALP_TOOLS_PLAY_H
 
 #include "port/host/machine.h"
+#include "port/host/scenefile.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -38,6 +39,9 @@ double play_budget_us(const play_spec *s, double rate_hz);
 
 /* One line: whose prices these are. */
 void play_print_machine(FILE *f, const play_spec *s);
+
+/* A scene with devices, in virtual time; returns the exit code. */
+int play_scene(const play_spec *s, scene_file *file);
 
 /* A dynamic body follows a scene; returns the exit code. */
 int play_dynamic(const play_spec *s, const void *data, size_t bytes);
