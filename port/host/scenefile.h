@@ -106,7 +106,7 @@ scene_file *scene_read(const char *path);
 scene_file *scene_read_text(const char *name, const char *folder, const char *text);
 void scene_free(scene_file *s);
 
-/* Whether a file is a scene and not a blob: by its first bytes. Exits 2 if there is none. */
+/* Whether a file is a scene and not a blob: by its ending, .scene. */
 bool scene_is_here(const char *path);
 
 /* A scene of nothing yet, with what holds where nothing is said. */

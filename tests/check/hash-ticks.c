@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* Feeds the drives' frames of a candump log to the servo and prints a hash of every frame and force
  * it gives; then, with a multizone model, of every force and seam displacement while it moves,
- * and of every force and motion of a dynamic body. */
+ * and of every force and motion of a dynamic body; and with the same frames a scene with two devices
+ * and four tools, whose bodies are exchanged while they are touched. */
 #include "core/palp.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -93,8 +94,7 @@ static uint64_t answer_clock(void *context) {
 
 static void move_surface(const palp_blob *blob, palp_vec3 top) {
     const float edge = blob->meta->mean_edge_m;
-    palp_tool tool[2] = {palp_tool_sphere(2.0f * edge),
-                         palp_tool_sphere(edge)};
+    palp_tool tool[2] = {palp_tool_sphere(2.0f * edge), palp_tool_sphere(edge)};
     tool[0].friction = 0.3f;
     tool[1].shape = PALP_TOOL_CYLINDER;
     tool[1].cylinder = (palp_cylinder){
@@ -129,13 +129,85 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
     printf("%016llx surface, ", (unsigned long long)hash);
 }
 
+/* Two hands on the body, and after an exchange on a dynamic one as well. */
+#define SCENE_TICKS 3000u
+#define EXCHANGE_AT 2000u
+static palp_tets tets;
+static bool has_tets;
+static palp_scene *scene, *next_scene;
+static uint32_t touched; /* tools on bodies, bit by bit */
+
+static palp_scene *open_scene(const palp_servo_config *c, const palp_blob *blob, bool both) {
+    palp_body_config body[2] = {
+        {.kind = PALP_BODY_ELASTIC, .at = PALP_FRAME_IDENTITY, .blob = blob, .finest = c->finest}};
+    palp_hand_config hand[2] = {{.device = c->device, .placement = c->placement},
+                                {.device = c->device, .placement = c->placement}};
+    palp_scene_tool tool[4];
+    palp_scene *opened;
+    hand[1].placement.origin_m.x += 0.006f;
+    for (uint32_t t = 0; t < 4u; t++) {
+        tool[t] = (palp_scene_tool){
+            .tool = palp_tool_sphere(0.012f),
+            .hand = t / 2u,
+            .at = palp_frame_at((palp_vec3){0, t % 2u ? 0.006f : 0.0f, t % 2u ? -0.003f : 0.0f})};
+        tool[t].tool.friction = 0.3f;
+    }
+    tool[3].tool = palp_tool_capsule((palp_vec3){0, 0.6f, 0.8f}, 0.006f, 0.01f);
+    if (has_tets) { /* its surface comes under the first tip */
+        const palp_vec3 x = c->placement.origin_m;
+        body[1] = (palp_body_config){
+            .kind = PALP_BODY_DYNAMIC,
+            .at = palp_frame_at((palp_vec3){x.x - 0.05f, x.y - 0.01f, x.z - 0.012f - 0.02f}),
+            .tets = &tets,
+            .material = palp_material_of(1e4f, 0.4f, 1000, 2e-4f, 4),
+            .adapt = palp_adapt_defaults(&tets),
+            .max_points = 32,
+            .most_class = 5};
+    }
+    const palp_scene_config config = {.body = body,
+                                      .tool = tool,
+                                      .hand = hand,
+                                      .bodies = both && has_tets ? 2 : 1,
+                                      .tools = 4,
+                                      .hands = 2,
+                                      .cost = c->cost,
+                                      .port = c->port};
+    const size_t bytes = palp_scene_memsize(&config);
+    if (palp_scene_open(&opened, &config, aligned(bytes), bytes, NULL) != PALP_OK) exit(1);
+    return opened;
+}
+
+static void tick_scene(uint32_t number, const palp_can_frame *in, uint32_t count) {
+    const palp_tick_input input[2] = {{.frames = in, .count = count},
+                                      {.frames = in, .count = count}};
+    palp_can_frame out[2][PALP_SERVO_FRAMES_OUT];
+    palp_scene_report report;
+    uint32_t sent[2];
+    if (number > SCENE_TICKS) return;
+    if (number == EXCHANGE_AT) palp_scene_leave(scene);
+    if (palp_scene_has_left(scene) && palp_scene_take_over(next_scene, scene) == PALP_OK)
+        scene = next_scene;
+    palp_scene_tick(scene, input, out, sent, &report);
+    for (uint32_t h = 0; h < 2; h++) {
+        for (uint32_t i = 0; i < sent[h]; i++) mix(out[h][i].data, out[h][i].length);
+        mix(&report.hand[h].force_N, sizeof report.hand[h].force_N);
+        mix(&report.hand[h].contact_moment_Nm, sizeof report.hand[h].contact_moment_Nm);
+    }
+    for (uint32_t b = 0; b < palp_scene_bodies(scene); b++) {
+        for (uint32_t t = 0; t < 4u; t++) {
+            mix(&report.felt[b][t].wrench, sizeof(palp_wrench));
+            if (report.felt[b][t].touching) touched |= 1u << (4u * b + t);
+        }
+    }
+}
+
 /* A dynamic body, poked: forces, displacements and velocities of every tick. */
 static void move_body(const char *path) {
     static palp_dynamic body;
     size_t bytes;
-    palp_tets tets;
     void *data = load(path, &bytes);
     if (palp_tets_open(&tets, data, bytes) != PALP_OK) exit(1);
+    has_tets = true;
     const palp_tool ball = palp_tool_sphere(0.006f);
     const palp_dynamic_config config = {.tets = &tets,
                                         .material = palp_material_of(1e4f, 0.4f, 1000, 2e-4f, 4),
@@ -208,6 +280,9 @@ int main(int argc, char **argv) {
     size_t size = palp_servo_memsize(&blob, config.finest);
     if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK) return 1;
 
+    scene = open_scene(&config, &blob, false);
+    next_scene = open_scene(&config, &blob, true);
+    uint32_t ticks = 0;
     FILE *log = fopen(argv[2], "r");
     palp_can_frame in[64], out[PALP_SERVO_FRAMES_OUT];
     palp_report report;
@@ -227,6 +302,7 @@ int main(int argc, char **argv) {
             mix(&report.force_N, sizeof report.force_N);
             mix(&report.tool, sizeof report.tool);
             largest = palp_max(largest, palp_norm(report.force_N));
+            tick_scene(ticks++, in, n);
             n = 0;
         }
         if (!more) break;
@@ -241,7 +317,7 @@ int main(int argc, char **argv) {
             frame->data[i] = (uint8_t)byte;
         }
     }
-    printf("%016llx largest %.9g N, %u faults\n", (unsigned long long)hash, (double)largest,
-           report.faults);
+    printf("%016llx largest %.9g N, %u faults, touched %02x\n", (unsigned long long)hash,
+           (double)largest, report.faults, (unsigned)touched);
     return 0;
 }
