@@ -355,10 +355,9 @@ static void lead_tools(palp_scene *s) {
             s->off_m[t] = palp_scale(off + PALP_SCENE_OUT_M_S * s->dt_s, s->out[t]);
         } else if (s->within[t] > 0u) {
             s->within[t]--;
-        } else {
-            if (loose && off > 0.0f)
-                s->off_m[t] =
-                    palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f), s->out[t]);
+        } else if (loose && off > 0.0f) {
+            s->off_m[t] =
+                palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f), s->out[t]);
         }
     }
 }
