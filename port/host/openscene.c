@@ -212,6 +212,24 @@ static surface_spot spot_for(const scene_setup *s, const scene_device *d, const 
                                          : spot_of_tets(&part->tets, near_m);
 }
 
+#define DOUBT_OFF 0.25f /* of a body's size, beyond which a place was hardly meant */
+
+/* Warnings where a device is hardly where it was meant to be. */
+static void doubt_place(const scene_setup *s, uint32_t number, const surface_spot *spot,
+                        float radius_m) {
+    const scene_device *d = &s->file->device[number];
+    const char *scene = s->file->name, *body = s->file->body[body_of(s->file, d)].name;
+    const float off = palp_norm(palp_sub(spot->at_m, vec(d->place_m)));
+    if (d->where == SCENE_NEAR && off > DOUBT_OFF * spot->size_m)
+        warn("%s: the place of device %" PRIu32 " is %.3g m off the nearest point of %s, which is "
+             "%.3g m large: is it in the body's coordinates, in metres?",
+             scene, number, (double)off, body, (double)spot->size_m);
+    if (radius_m > spot->size_m)
+        warn("%s: the tool of device %" PRIu32 " is larger (%.3g m) than %s (%.3g m): is it in "
+             "metres?",
+             scene, number, (double)radius_m, body, (double)spot->size_m);
+}
+
 /* Where a device stands, and how large its ball is where nothing was said; both are then stated. */
 static void place_device(scene_setup *s, uint32_t number) {
     scene_device *d = &s->file->device[number];
@@ -230,6 +248,7 @@ static void place_device(scene_setup *s, uint32_t number) {
                                                           : palp_tool_size(&first->tool),
                                 .at = scene_frame(&first->at)};
         surface_spot spot = spot_for(s, d, device, &held);
+        doubt_place(s, number, &spot, held.radius_m);
         const palp_frame *at = &s->body[body_of(s->file, d)].at;
         spot.at_m = palp_carry(at, spot.at_m);
         spot.normal = palp_rotate(at->r, spot.normal);
@@ -238,6 +257,13 @@ static void place_device(scene_setup *s, uint32_t number) {
         s->touch[number] = place_under(&spot, device, &held, d->turned ? turned.r : NULL, d->scale);
         d->stated = s->touch[number].placement;
         d->where = SCENE_STATED;
+        for (uint32_t o = 0; o < number; o++) {
+            if (palp_norm(palp_sub(d->stated.origin_m, s->file->device[o].stated.origin_m)) > 0)
+                continue;
+            warn("%s: devices %" PRIu32 " and %" PRIu32 " are at the same place, one tool in the "
+                 "other: give each a 'place'",
+                 s->file->name, o, number);
+        }
     } else {
         s->touch[number] =
             (touch_frame){.placement = d->stated, .tool_radius_m = palp_tool_size(&first->tool)};

@@ -159,6 +159,12 @@ $palpd one.scene --target slow.txt --no-wait > /dev/null 2> slow.err
 [ -n "$least" ] && grep -q "may take $(printf %.0f "$least") us" slow.err
 ok $? "palpd refuses by the same bound: $least us; $(cat slow.err)"
 
+# ---- doubtful scenes ----
+doubt() { scene odd "$2"; $palpd --check odd.scene > /dev/null 2> odd.err && grep -q "$1" odd.err; ok $? "$2: $(head -1 odd.err)"; }
+doubt 'off the nearest point' 'body body.palp|device arm3|place 20 0 90|tool ball'
+doubt 'larger (5 m)' 'body body.palp|device arm3|tool ball 5'
+doubt 'at the same place' 'body body.palp|device arm3|tool ball|device arm3|tool ball'
+
 # ---- wrong scenes ----
 wrong() { # wrong PATTERN LINES CODE
     scene bad "$2"
