@@ -38,6 +38,17 @@ static void values_at(const scene_part *part, double t_s, float value[PALP_MAX_J
     }
 }
 
+void scene_joints(const scene_body *b, const palp_zones *zones,
+                  const scene_track *joint[PALP_MAX_JOINTS]) {
+    for (size_t i = 0; i < b->motions; i++) {
+        const scene_motion *m = &b->motion[i];
+        const uint32_t j = find_joint(m->where, zones, m->joint);
+        for (size_t k = 0; k < m->track.count; k++)
+            check_joint(m->where, zones, j, m->track.key[k].value[0]);
+        joint[j] = &m->track;
+    }
+}
+
 static void open_zones(const scene_body *b, scene_part *part, const void *data) {
     palp_status status = palp_zones_open(&part->zones, data, part->bytes);
     if (status != PALP_OK) die_of_blob(b->path, status, part->bytes);
@@ -50,13 +61,7 @@ static void open_zones(const scene_body *b, scene_part *part, const void *data) 
     const palp_vec3 gravity = vec(b->gravity_m_s2);
     if (palp_norm(gravity) > 0 && palp_assembly_gravity(&part->assembly, gravity) != PALP_OK)
         die(EXIT_WORK, "%s: a zone has no gravity response", b->path);
-    for (size_t i = 0; i < b->motions; i++) {
-        const scene_motion *m = &b->motion[i];
-        const uint32_t j = find_joint(m->where, &part->zones, m->joint);
-        for (size_t k = 0; k < m->track.count; k++)
-            check_joint(m->where, &part->zones, j, m->track.key[k].value[0]);
-        part->joint[j] = &m->track;
-    }
+    scene_joints(b, &part->zones, part->joint);
     const palp_frame rest = PALP_FRAME_IDENTITY;
     float value[PALP_MAX_JOINTS];
     values_at(part, 0, value);

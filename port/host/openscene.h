@@ -35,6 +35,11 @@ typedef struct {
     palp_scene_config config; /* of all this; the caller adds cost and port */
 } scene_setup;
 
+/* The track of each joint that follows one; exits 2 where the model has no such joint, or a value is out of
+ * its limits. Of the others it leaves NULL. */
+void scene_joints(const scene_body *body, const palp_zones *zones,
+                  const scene_track *joint[PALP_MAX_JOINTS]);
+
 /* Reads what the scene names; exits with what is wrong in it. Keeps the scene. */
 scene_setup *scene_set_up(scene_file *file);
 

@@ -5,8 +5,7 @@
 #include "core/contact/loads.h"
 #include "core/servo/answer.h"
 #include "tools/cli/play.h"
-#include "port/host/joints.h"
-#include "port/host/scenefile.h"
+#include "port/host/openscene.h"
 #include "port/host/view.h"
 #include "port/host/args.h"
 #include "tools/cli/commands.h"
@@ -139,18 +138,6 @@ static uint64_t now_ns(void *context) {
     if (p->spec->wall) return (uint64_t)(now_s() * 1e9);
     double work = (double)(palp_answer_work(p->b) - p->begun_work);
     return p->begun_ns + (uint64_t)(work * p->ns_per_operation);
-}
-
-/* Which joint each motion of the scene is of. */
-static void find_joints(player *p) {
-    const scene_body *b = &p->s->body[0];
-    for (size_t i = 0; i < b->motions; i++) {
-        const scene_motion *m = &b->motion[i];
-        const uint32_t j = find_joint(m->where, p->z, m->joint);
-        for (size_t k = 0; k < m->track.count; k++)
-            check_joint(m->where, p->z, j, m->track.key[k].value[0]);
-        p->joint[j] = &m->track;
-    }
 }
 
 static palp_vec3 vec(const double x[3]) {
@@ -533,7 +520,7 @@ int command_play(int argc, char **argv) {
     p->spec = &s;
     p->z = open_zones(s.blob, data, bytes);
     p->s = scene_read(s.scene);
-    find_joints(p);
+    scene_joints(&p->s->body[0], p->z, p->joint);
     open_player(p);
     run(p);
     if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", s.scene);
