@@ -168,6 +168,7 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         /* the force that the way met, between those at its ends */
         felt[t].brought_J = 0.5f * palp_dot(palp_add(before_N[t], w.force_N), k->brought_m);
         felt[t].touching = k->touching;
+        felt[t].found = k->placed;
         felt[t].slipping = k->friction.slipping;
     }
     *report = (palp_body_report){.level = a.level,
@@ -217,6 +218,7 @@ static void dynamic_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *
         felt[t] = outward(b, w, &at[t]);
         felt[t].held_J = held_J;
         felt[t].touching = b->proxy[t].touching;
+        felt[t].found = b->proxy[t].placed;
         felt[t].slipping = b->proxy[t].touching; /* without friction */
     }
     const palp_dynamic_report *r = &report->dynamic;

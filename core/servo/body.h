@@ -51,6 +51,7 @@ typedef struct {
     float damped_W, moved_m;
     float brought_J; /* by joints that move the body, in this tick */
     bool touching, slipping;
+    bool found; /* where it is about the body is known: else nothing says that it is clear of it */
 } palp_body_felt;
 
 /* What a body did in a tick. */

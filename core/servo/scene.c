@@ -3,6 +3,7 @@
 #include "core/base/arena.h"
 
 #define NS_PER_S 1e9f
+#define NEAR_M 1e-5f
 #define OUT_TICKS 12u /* more than a contact takes to be found (PALP_ANSWER_MISSES) */
 
 struct palp_scene {
@@ -342,6 +343,17 @@ static float stored_by(const palp_scene *s, uint32_t tool) {
     return sum;
 }
 
+/* Whether it is known of all bodies, and it is where it is held unless it is kept from there. */
+static bool has_arrived(const palp_scene *s, uint32_t tool) {
+    bool arrived = true;
+    for (uint32_t b = 0; b < s->bodies; b++) {
+        const palp_body_felt *f = &s->felt[b][tool];
+        const float off = palp_norm(palp_sub(f->tool.t, s->held[tool].at.t));
+        arrived = arrived && f->found && (f->touching || off < NEAR_M);
+    }
+    return arrived;
+}
+
 /* After an exchange: out of the bodies, and back as far as nothing presses. */
 static void lead_tools(palp_scene *s) {
     for (uint32_t t = 0; t < s->tools; t++) {
@@ -354,7 +366,7 @@ static void lead_tools(palp_scene *s) {
             s->within[t] = OUT_TICKS;
             s->off_m[t] = palp_scale(off + PALP_SCENE_OUT_M_S * s->dt_s, s->out[t]);
         } else if (s->within[t] > 0u) {
-            s->within[t]--;
+            s->within[t] = has_arrived(s, t) ? s->within[t] - 1u : OUT_TICKS;
         } else if (loose && off > 0.0f) {
             s->off_m[t] =
                 palp_scale(palp_max(off - PALP_SCENE_BACK_M_S * s->dt_s, 0.0f), s->out[t]);

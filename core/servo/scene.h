@@ -37,7 +37,7 @@
 #define PALP_SCENE_HANDS 4u
 #define PALP_SCENE_FADE_S 0.2f
 #define PALP_SCENE_OUT_M_S 0.5f   /* at which tools are led out of a body after an exchange, */
-#define PALP_SCENE_BACK_M_S 0.02f /* and back while no more than this is stored by them */
+#define PALP_SCENE_BACK_M_S 0.01f /* and back while no more than this is stored by them */
 #define PALP_SCENE_BACK_J 1e-8f
 
 /* A tool on a device. */
