@@ -4,7 +4,8 @@
 
 #define NS_PER_S 1e9f
 #define NEAR_M 1e-5f
-#define OUT_TICKS 12u /* more than a contact takes to be found (PALP_ANSWER_MISSES) */
+#define OUT_TICKS                                                                                  \
+    64u /* more than a contact takes to be found, and its lattice to fit (PALP_CONTACT_FULL) */
 
 struct palp_scene {
     palp_body body[PALP_SCENE_BODIES];
