@@ -146,6 +146,7 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
     palp_coupling_result *result = b->result;
     palp_answer_report a;
     palp_answer *answer = b->answer;
+    palp_vec3 before_N[PALP_CONTACT_TOOLS];
     for (uint32_t t = 0; t < b->tool_count; t++) {
         palp_coupling_tool *k = &answer->coupling.tool[t];
         k->absent = !(tool[t].part > 0.0f);
@@ -153,9 +154,8 @@ static void answer_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *t
         k->velocity_m_s = palp_rotate_back(b->config.at.r, tool[t].velocity_m_s);
         k->velocity_rad_s = palp_rotate_back(b->config.at.r, tool[t].turning_rad_s);
         b->held[t] = into(b, &tool[t].at);
+        before_N[t] = result[t].force_N;
     }
-    palp_vec3 before_N[PALP_CONTACT_TOOLS];
-    for (uint32_t t = 0; t < b->tool_count; t++) before_N[t] = result[t].force_N;
     palp_answer_tick(answer, start_ns, b->held, result, &a);
     const float stored = answer->contact.energy_J;
     for (uint32_t t = 0; t < b->tool_count; t++) {

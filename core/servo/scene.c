@@ -295,9 +295,10 @@ static bool is_alone(const palp_scene *s, uint32_t hand) {
 /* How much of each device's springs there is. */
 static void fade(palp_scene *s, bool anew) {
     const float step = s->dt_s / PALP_SCENE_FADE_S;
-    for (uint32_t h = 0; h < s->hands && s->left; h++)
-        s->part[h] = palp_max(s->part[h] - step, 0.0f);
-    if (s->left) return;
+    if (s->left) {
+        for (uint32_t h = 0; h < s->hands; h++) s->part[h] = palp_max(s->part[h] - step, 0.0f);
+        return;
+    }
     for (uint32_t h = 0; h < s->hands; h++) {
         const palp_hand *hand = &s->hand[h];
         float *part = &s->part[h];
@@ -492,7 +493,8 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
         s->sum[h] = (palp_hand_felt){.opens_N = 0.0f};
         if (!s->hand[h].feels || is_within(s, h)) continue;
         gather(s, h, &s->sum[h]);
-        if (s->touched[h] != 0u && !s->left) s->pushed_N[h] = s->sum[h].wrench.force_N;
+        const palp_vec3 force = s->sum[h].wrench.force_N;
+        if (!s->left && palp_dot(force, force) > 0.0f) s->pushed_N[h] = force;
         palp_passivity_bring(&s->hand[h].output.passivity, s->hand[h].gain * s->sum[h].brought_J);
     }
     lead_tools(s);

@@ -134,7 +134,11 @@ static void begin_load(operation *o, const char *file, char *answer, size_t room
         snprintf(answer, room, "error %s is being loaded", o->file);
         return;
     }
-    if (strlen(file) >= sizeof o->file || access(file, R_OK) != 0) {
+    if (strlen(file) >= sizeof o->file) {
+        snprintf(answer, room, "error a path of more than %zu letters", sizeof o->file - 1);
+        return;
+    }
+    if (access(file, R_OK) != 0) {
         snprintf(answer, room, "error cannot read %.200s: %s", file, strerror(errno));
         return;
     }
@@ -163,7 +167,12 @@ static void go_on(operation *o) {
         atomic_store(&o->stage, LOAD_NONE);
         break;
     }
-    default:
+    case LOAD_REFUSED:
+        if (o->reader != 0) (void)pthread_join(o->reader, NULL);
+        o->reader = 0;
+        break;
+    case LOAD_NONE:
+    case LOAD_READING:
         break;
     }
 }
@@ -260,10 +269,6 @@ void operate_begin(operation *o, follower *f, const char *path, const char *scen
 void operate_poll(void *context) {
     operation *o = context;
     go_on(o);
-    if (o->stage == LOAD_REFUSED && o->reader != 0) {
-        (void)pthread_join(o->reader, NULL);
-        o->reader = 0;
-    }
     control_poll(&o->control, obey, o);
 }
 

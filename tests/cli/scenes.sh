@@ -81,14 +81,14 @@ scene lift 'rate 1000|seconds 2|body chain.palp|pose 0.5 ab 0|pose 1.5 ab -0.2|d
 run lift "a joint on a track"
 above "$(most lift 0)" 0.02
 ok $? "a hand that keeps still feels the body come: $(most lift 0) N"
-hand grip '0 0 0 0.02 0 0 0 0\n0.5 0 0 0.02 0 0 0 0\n1 0 0 0.02 0 0 0 30\n2 0 0 0.02 0 0 0 30\n'
-scene follow 'rate 500|seconds 2|body chain.palp|follow ab 0 6 1|device arm7-palp-fd|hand grip.hand|place 0.05 0.01 0.02|tool ball 0.005'
+hand opening '0 0 0 0.02 0 0 0 0\n0.5 0 0 0.02 0 0 0 0\n1 0 0 0.02 0 0 0 30\n2 0 0 0.02 0 0 0 30\n'
+scene follow 'rate 500|seconds 2|body chain.palp|follow ab 0 6 1|device arm7-palp-fd|hand opening.hand|place 0.05 0.01 0.02|tool ball 0.005'
 run follow "a joint that follows an axis"
 
 # ---- a gripper holds a body ----
 hand close '0 0 0 0 0 0 0 70\n0.4 0 0 0 0 0 0 70\n1 0 0 0 0 0 0 5\n2.5 0 0 0 0 0 0 5\n'
-scene grip 'rate 500|seconds 2.5|body body.palp|device arm7-palp-fd|hand close.hand|place 0 0 0.09|tool ball 0.006|mount 0 0 -0.004|jaw -0.5|friction 0.5|tool ball 0.006|mount 0 0 -0.004|jaw 0.5|friction 0.5'
-run grip "two jaws"
+scene jaws 'rate 500|seconds 2.5|body body.palp|device arm7-palp-fd|hand close.hand|place 0 0 0.09|tool ball 0.006|mount 0 0 -0.004|jaw -0.5|friction 0.5|tool ball 0.006|mount 0 0 -0.004|jaw 0.5|friction 0.5'
+run jaws "two jaws"
 
 # ---- the operator: another body while it is touched, hold, record ----
 cat > ask.py <<'PYTHON'
