@@ -130,8 +130,8 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
 }
 
 /* Two hands on the body, and after an exchange on a dynamic one as well. */
-#define SCENE_TICKS 3000u
-#define EXCHANGE_AT 2000u
+#define SCENE_TICKS 1750u
+#define EXCHANGE_AT 1400u
 static palp_tets tets;
 static bool has_tets;
 static palp_scene *scene, *next_scene;
