@@ -130,7 +130,7 @@ demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscil
 
 UNIT := $(sort $(wildcard tests/unit/*.c))
 UNIT_BIN := $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(UNIT))
-$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(HOST_OBJ) $(LIB)
+$(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(BUILD)/tests/stage.o $(HOST_OBJ) $(LIB)
 	@mkdir -p $(@D)
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 

@@ -74,6 +74,9 @@ static void answer(sim_bus *b) {
     palp_can_frame frames[SIM_FRAMES_OUT];
     uint32_t n = sim_device_transmit(&b->device, frames);
     for (uint32_t i = 0; i < n && !cut(b); i++) launch(b, &b->to_controller, frames[i]);
+    palp_can_frame peer[PALP_SCENE_DRIVES];
+    n = sim_peer_send(&b->peer, b->time_s, peer);
+    for (uint32_t i = 0; i < n && !cut(b); i++) launch(b, &b->to_controller, peer[i]);
 }
 
 uint32_t sim_bus_pass(sim_bus *b, double dt_s, palp_can_frame *frames, uint32_t capacity,

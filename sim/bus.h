@@ -9,6 +9,7 @@
 #include "sim/device.h"
 #include "sim/faults.h"
 #include "sim/hand.h"
+#include "sim/peer.h"
 
 #define SIM_BUS_QUEUE 256u
 
@@ -26,6 +27,7 @@ typedef struct {
     sim_device device;
     hand script;
     fault_list faults;
+    sim_peer peer; /* nobody, unless its maker sets it */
     sim_lane to_controller, to_device;
     double time_s;
     uint64_t sent, lost; /* by the controller; frames that the bus did not take */

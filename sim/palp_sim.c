@@ -193,7 +193,9 @@ static scene_file *describe(sim_spec *s) {
     return f;
 }
 
-static void open_wire(wire *w, const sim_spec *s, const scene_device *d, uint64_t seed) {
+static void open_wire(wire *w, const sim_spec *s, const scene_file *scene, uint32_t number) {
+    const scene_device *d = &scene->device[number];
+    const uint64_t seed = s->seed + number;
     w->file = device_load(d->name);
     w->file.device.drives.rate_hz = (float)s->rate_hz;
     hand script = hand_load(d->hand[0] != '\0' ? d->hand : s->hand);
@@ -202,6 +204,7 @@ static void open_wire(wire *w, const sim_spec *s, const scene_device *d, uint64_
     w->port = can_open(d->bus, w->file.device.drives.fd, NULL, 0);
     if (!can_listen(&w->port)) die(EXIT_WORK, "--bus: '%s' has gone", d->bus);
     sim_bus_init(&w->bus, &w->file, script, f);
+    sim_peer_init(&w->bus.peer, scene, number);
 }
 
 int main(int argc, char **argv) {
@@ -210,7 +213,7 @@ int main(int argc, char **argv) {
     args_parse(argc, argv, options, help, set_option, &s);
     scene_file *f = describe(&s);
     wire *w = allocate(f->devices, sizeof *w);
-    for (uint32_t d = 0; d < f->devices; d++) open_wire(&w[d], &s, &f->device[d], s.seed + d);
+    for (uint32_t d = 0; d < f->devices; d++) open_wire(&w[d], &s, f, d);
     uint64_t lost = 0, sent = 0;
     uint64_t received =
         s.lockstep ? run_lockstep(&s, w, f->devices, &lost) : run_paced(&s, w, f->devices);

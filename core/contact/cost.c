@@ -21,9 +21,10 @@ static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
 
 static void take_evaluation(palp_contact_presser *p, const palp_tool *tool,
                             const palp_prices *price) {
-    const bool field = tool->shape == PALP_TOOL_FIELD;
+    const bool pad = tool->shape == PALP_TOOL_PAD, field = tool->shape == PALP_TOOL_FIELD;
     p->evaluation = evaluation_of(tool, price);
-    p->deep = field ? (1.0f + (float)PALP_TOOL_EXIT) * p->evaluation : p->evaluation;
+    p->ways = field ? 1.0f + (float)PALP_TOOL_EXIT : pad ? 1.0f : 1.0f + (float)PALP_TOOL_OUT;
+    p->deep = p->ways * p->evaluation;
 }
 
 /* Cells along one axis that a tool's box of half width `reach` may meet. */
@@ -71,6 +72,7 @@ static void count_visits(palp_contact_presser *p, const palp_tool *tool) {
 
 static void take_worst(palp_contact_cost *c, const palp_contact_presser *p) {
     c->evaluation = palp_max(c->evaluation, p->evaluation);
+    c->ways = palp_max(c->ways, p->ways);
     c->deep = palp_max(c->deep, p->deep);
     c->nodes = palp_max(c->nodes, p->nodes);
     c->visits = palp_max(c->visits, p->visits);
@@ -100,6 +102,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     const palp_zones *z = assembly->zones;
     palp_contact_cost c = {.price = *price, .tools = (float)tool_count};
     palp_contact_presser *pair = &c.presser[PALP_CONTACT_TOOLS];
+    pair->ways = 1.0f;
     float modes = 0.0f, reach[PALP_CONTACT_TOOLS] = {0};
     for (uint32_t i = 0; i < z->meta->zones; i++) {
         for (uint32_t t = 0; t < tool_count; t++)
@@ -180,7 +183,7 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
                                        const palp_contact_presser *p) {
     const uint32_t shots = PALP_LATTICE_SHOTS(level.points), ring = (uint32_t)cost->ring;
     const uint32_t nodes = (uint32_t)p->nodes, visits = (uint32_t)p->visits;
-    const uint32_t seen = p->deep > p->evaluation ? (1u + PALP_TOOL_EXIT) * shots : shots;
+    const uint32_t seen = (uint32_t)p->ways * shots;
     const uint32_t feet = PALP_LATTICE_FEET(level.points);
     const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
@@ -195,7 +198,11 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
 
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level) {
-    const palp_contact_presser worst = {cost->evaluation, cost->deep, cost->nodes, cost->visits};
+    const palp_contact_presser worst = {.evaluation = cost->evaluation,
+                                        .nodes = cost->nodes,
+                                        .visits = cost->visits,
+                                        .ways = cost->ways,
+                                        .deep = cost->deep};
     return most_filled(cost, level, &worst);
 }
 

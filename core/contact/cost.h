@@ -17,13 +17,15 @@
 /* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes and
  * rows of cells on the way. */
 typedef struct {
-    float evaluation, deep, nodes, visits; /* deep: of palp_tool_gap_along */
+    float evaluation, nodes, visits;
+    float ways; /* evaluations of one palp_tool_gap_along, the most; deep: what they cost */
+    float deep;
 } palp_contact_presser;
 
 typedef struct {
     palp_prices price;
     palp_contact_presser presser[PALP_CONTACT_TOOLS + 1u]; /* the tools; last: another zone */
-    float tools, evaluation, deep, nodes, visits, ring;    /* the most of them */
+    float tools, evaluation, ways, deep, nodes, visits, ring; /* the most of them */
     uint32_t modes;
     bool friction;
     float patches;      /* tools, and pairs of zones */
@@ -59,7 +61,7 @@ float palp_contact_cost_patches(const palp_contact_cost *cost);
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + shots + wanted + rings max_ring + 10 feet + 1; shots:
+ * max_ring; evaluations: N + ways shots + wanted + rings max_ring + 10 feet + 1; shots:
  * PALP_LATTICE_SHOTS + 4 feet; crossings. To begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);

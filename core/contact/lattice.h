@@ -84,10 +84,18 @@ typedef struct {
     palp_vec3 axis, tangent[2]; /* orthonormal */
     palp_vec3 origin_m;         /* of the shots, from the tool's reference point */
     float back_m;  /* from how far behind a sphere's centre its shots come, along -axis */
+    float whole;   /* 0 to 1: how far what is touched is one region, */
+    float sunk;    /* and pressed deeper than the tool is thick */
     float spacing; /* rad for a sphere, else m */
     palp_far_field far_field; /* by the body as a whole */
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
 } palp_lattice_state;
+
+/* As a place with the normal n at rest sees it: one that looks aside is not come over. */
+static inline palp_tool_press palp_lattice_press(const palp_lattice_state *state, palp_vec3 n) {
+    const float faces = palp_clamp(-2.0f * palp_dot(n, state->axis) - 1.0f, 0.0f, 1.0f);
+    return (palp_tool_press){state->axis, faces * state->whole, faces * state->sunk};
+}
 
 /* A node beyond the reach of the contact that the tool may come to touch, and what the largest
  * modes have moved it by. */

@@ -7,7 +7,7 @@
 #define WIDER 0.01f   /* and less in a filling that has room for all */
 #define FEET 4u       /* steps towards the nearest point of the surface */
 
-/* Direction from a ball's centre to the nearest point of the edges at a node: on a ridge the
+/* Direction from a tool's core to the nearest point of the edges at a node: on a ridge the
  * deepest point may lie between nodes, where no normal leads to it. */
 static palp_vec3 way_to_edges(const palp_lattice_filling *f, uint32_t body, uint32_t node,
                               palp_vec3 at) {
@@ -26,14 +26,26 @@ static palp_vec3 way_to_edges(const palp_lattice_filling *f, uint32_t body, uint
     return palp_lattice_turned_out(f->r, body, way);
 }
 
-/* Where the search for the foot begins: a ball's centre, seen from the surface at rest; of any
+/* Of which a tool is all that is within a radius: a ball's centre, or the middle of a cylinder. */
+static bool has_core(const palp_lattice_filling *f) {
+    return f->central ||
+           (f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_CYLINDER);
+}
+
+/* Where the search for the foot begins, before a surface with the normal n at rest: a ball's centre, the
+ * place inside a cylinder that lies deepest, since the nearest one may be far up its side; of any
  * other tool its nearest place. */
-static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap gap) {
+static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap gap,
+                           palp_vec3 n) {
+    const palp_lattice_room *r = f->r;
     float gone;
-    if (!f->central) return palp_madd(y, -gap.gap_m, gap.normal);
-    f->r->done->evaluations++; /* half of one */
-    return palp_sub(palp_add(f->moved.t, palp_lattice_center(f->r)),
-                    palp_lattice_beside(f, y, &gone));
+    if (!has_core(f)) return palp_madd(y, -gap.gap_m, gap.normal);
+    r->done->evaluations++; /* half of one */
+    const palp_vec3 beside = palp_lattice_beside(f, y, &gone);
+    if (f->central) return palp_sub(palp_add(f->moved.t, palp_lattice_center(r)), beside);
+    const palp_vec3 down = palp_rotate_back(f->moved.r, palp_scale(-1.0f, n));
+    const palp_vec3 own = palp_carry_back(&f->moved, palp_add(y, beside));
+    return palp_sub(palp_carry(&f->moved, palp_tool_core(&r->tool->cylinder, down, own)), beside);
 }
 
 /* From a node towards the point of the surface that lies deepest in the tool nearby. Each shot goes
@@ -46,11 +58,14 @@ static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point
     palp_gap least = palp_lattice_gap(f, palp_lattice_world(r, p));
     palp_vec3 best = least.normal, way = best;
     palp_surface_point trial = *p;
-    if (f->central)
-        way = best = way_to_edges(f, p->body, node, foot_from(f, palp_lattice_world(r, p), least));
+    if (has_core(f))
+        way = best = way_to_edges(
+            f, p->body, node,
+            foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p)));
     bool met = false;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_vec3 at = foot_from(f, palp_lattice_world(r, p), least);
+        palp_vec3 at =
+            foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p));
         r->done->shots++;
         if (!palp_lattice_enter(f, at, way, &trial)) break;
         palp_gap gap = palp_lattice_gap(f, palp_lattice_world(r, &trial));

@@ -36,12 +36,21 @@ static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
     return gap;
 }
 
-/* The same as the lattice's points see it. */
-static palp_gap gap_along(palp_lattice_filling *f, palp_vec3 y) {
+/* The same as the lattice's points see it, of the surface with the normal n at rest. */
+static palp_gap gap_along(palp_lattice_filling *f, palp_vec3 y, palp_vec3 n) {
     const palp_lattice_room *r = f->r;
-    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return gap_at(f, y);
-    r->done->evaluations += 1u + PALP_TOOL_EXIT;
-    return palp_tool_gap_along(r->tool, &f->moved, y, f->l->at.axis);
+    const palp_tool_press press = palp_lattice_press(&f->l->used, n);
+    if (r->other.surface != NULL) return gap_at(f, y);
+    if (r->tool->shape == PALP_TOOL_FIELD) {
+        r->done->evaluations += 1u + PALP_TOOL_EXIT;
+        return palp_tool_gap_along(r->tool, &f->moved, y, &press);
+    }
+    palp_gap gap = gap_at(f, y);
+    const bool behind = palp_tool_faces_back(r->tool, gap, &press);
+    if (!behind && !(press.sunk > 0.0f)) return gap;
+    r->done->evaluations += PALP_TOOL_OUT;
+    if (behind) gap = palp_tool_gap_along(r->tool, &f->moved, y, &press);
+    return palp_tool_gap_flared(r->tool, &f->moved, y, &press, gap, press.sunk);
 }
 
 palp_gap palp_lattice_gap(palp_lattice_filling *f, palp_vec3 y) {
@@ -118,7 +127,7 @@ static bool shoot(palp_lattice_filling *f, float a, float b, bool pressed, palp_
     p->facing = -palp_dot(p->n, p->direction);
     float gone;
     palp_vec3 y = palp_add(p->y, palp_lattice_beside(f, p->y, &gone));
-    palp_gap gap = gap_along(f, y);
+    palp_gap gap = gap_along(f, y, p->n);
     p->overlap_m = palp_max(-gap.gap_m, 0.0f);
     if (gap.gap_m >= (pressed ? KEPT * f->r->size_m : gone * f->unsure_m)) return false;
     if (p->facing <= FACING || (f->central && p->shot_m <= 0.0f)) return false;

@@ -4,6 +4,10 @@
 
 #define FARTHEST -0.7f /* cosine with the first axis at which one begins anew */
 #define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
+#define WHOLE 0.1f     /* change of that in a filling */
+#define SUNK 0.8f      /* and from which it has sunk in, */
+#define SUNK_ALL 1.2f  /* up to here */
+#define FAR_BEHIND 2.0f /* over the size: where shots of one that has sunk in come from, besides */
 #define DAMPED 0.4f    /* share of a change that turns back on the last one */
 #define LARGE 0.1f     /* weight over the largest region's, at which a region counts half */
 #define APART 0.6f     /* length of the mean direction up to which an axis hardly follows */
@@ -74,9 +78,11 @@ static float damping(float along) { return along < 0.0f ? DAMPED : 1.0f; }
 /*
  * Where a sphere's axis is to point: to the mean of its regions' directions, each by its weight but
  * a large one not by more than a small one, so that all of them lie in the map. Shorter than 1 by
- * how far the overlap is apart.
+ * how far the overlap is apart. Of one that has sunk in, the shots come from far behind, and would turn
+ * it the more the more it has turned: then, by the share `sunk`, the surface says what is ahead.
  */
-static palp_vec3 axis_toward(const palp_lattice_room *r, const palp_lattice_filling *f) {
+static palp_vec3 axis_toward(const palp_lattice_room *r, const palp_lattice_filling *f,
+                             float sunk) {
     palp_vec3 toward[PALP_LATTICE_SEEDS], mean = {.x = 0.0f};
     float weight[PALP_LATTICE_SEEDS], most = 0.0f, all = 0.0f;
     uint32_t k = f->first;
@@ -86,7 +92,8 @@ static palp_vec3 axis_toward(const palp_lattice_room *r, const palp_lattice_fill
         for (; k < f->end[n]; k++) {
             const palp_contact_point *p = &r->point[k];
             float w = p->cell_m * p->cell_m * p->overlap_m;
-            toward[n] = palp_madd(toward[n], w, p->direction);
+            toward[n] = palp_madd(toward[n], w * (1.0f - sunk), p->direction);
+            toward[n] = palp_madd(toward[n], -w * sunk, p->n);
             weight[n] += w;
         }
         most = palp_max(most, weight[n]);
@@ -104,6 +111,14 @@ static palp_vec3 axis_toward(const palp_lattice_room *r, const palp_lattice_fill
  * swings with each point that comes or goes, and would take all points with it. */
 static float following(float length) {
     return palp_clamp((length - APART) / (GATHERED - APART), SLOWEST, 1.0f);
+}
+
+/* How far a ball or cylinder is pressed deeper than it is thick. */
+static float sunk(const palp_lattice_room *r, float deepest_m) {
+    if (r->other.surface != NULL || !palp_tool_flares(r->tool)) return 0.0f;
+    const bool cylinder = r->tool->shape == PALP_TOOL_CYLINDER;
+    const float half = cylinder ? r->tool->cylinder.radius_m : r->size_m;
+    return palp_clamp((deepest_m / half - SUNK) / (SUNK_ALL - SUNK), 0.0f, 1.0f);
 }
 
 bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
@@ -135,8 +150,10 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
     change = 1.0f + slow * damping((change - 1.0f) * l->grew) * (change - 1.0f);
     l->grew = change - 1.0f;
     palp_vec3 went;
+    l->at.whole = palp_clamp(l->at.whole + (f->regions > 1u ? -WHOLE : WHOLE), 0.0f, 1.0f);
+    l->at.sunk = l->at.whole * sunk(r, deepest);
     if (f->central) {
-        const palp_vec3 before = l->at.axis, toward = axis_toward(r, f);
+        const palp_vec3 before = l->at.axis, toward = axis_toward(r, f, l->at.sunk);
         const float follows = following(palp_norm(toward));
         l->apart = follows < 1.0f;
         palp_lattice_set_axis(l, toward);
@@ -160,7 +177,8 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
     }
     l->went = went;
     const float size = r->size_m;
-    const float back = f->central ? palp_max(deepest - SHALLOW * size, 0.0f) : 0.0f;
+    const float behind = deepest - SHALLOW * size + FAR_BEHIND * l->at.sunk * size;
+    const float back = f->central ? palp_max(behind, 0.0f) : 0.0f;
     const float moved = palp_norm(went) + palp_abs(back - l->at.back_m) / size;
     l->at.back_m = back;
     palp_lattice_set_origin(l, r);

@@ -3,6 +3,7 @@
 #include "core/contact/contact_internal.h"
 #include "core/contact/facing.h"
 
+#define COME_OVER 0.2f
 #define OTHER_LATTICE 0.15f /* change of the spacing from which places are others */
 
 /* ---- the last tick ---- */
@@ -145,13 +146,23 @@ static palp_vec3 turn_to_held(const palp_contact *c, uint32_t t) {
                      besides);
 }
 
+/* How far the tool has come over a point, which then may not go round its sides: to 1 where it has
+ * by COME_OVER of its size, against a surface that looks along the lattice's axis. */
+static float come_over(const palp_contact_point *p, const palp_tool_press *press, float size_m) {
+    return press->whole * palp_clamp(p->overlap_m / (COME_OVER * size_m), 0.0f, 1.0f);
+}
+
 /* The tool as a point sees it, about its last displacement. */
 static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
     palp_contact_point *p = &c->point[i];
     const palp_contact_patch *patch = &c->patch[p->patch];
     const uint32_t t = patch->tool;
     const palp_contact_spring *s = &c->spring[t];
-    const palp_gap gap = palp_tool_gap_along(&c->tools[t], &patch->at, y, patch->lattice.used.axis);
+    const palp_tool *tool = &c->tools[t];
+    const palp_tool_press press = palp_lattice_press(&patch->lattice.used, p->n);
+    palp_gap gap = palp_tool_gap_along(tool, &patch->at, y, &press);
+    gap = palp_tool_gap_flared(tool, &patch->at, y, &press, gap,
+                               come_over(p, &press, palp_tool_size(tool)));
     palp_vec3 held = s->held.t;
     const palp_vec3 besides = palp_add(c->beyond_N[t], c->repaid_N[t]);
     if (s->stiffness_N_per_m > 0.0f) held = palp_madd(held, 1.0f / s->stiffness_N_per_m, besides);

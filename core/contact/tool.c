@@ -363,6 +363,8 @@ palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x)
 }
 
 #define OUT 1e-3f         /* of the size: how near the surface counts as out */
+#define LEVEL 0.1f        /* of a direction along the axis, up to which a cylinder lies across it */
+#define PASSED 0.1f       /* of the radius: an axis that comes no nearer does not meet it */
 #define LEAST_SLANT 0.25f /* of the axis to the side that it is to leave by */
 
 /* Where the axis leaves the tool, from a place inside with this distance. */
@@ -383,14 +385,82 @@ static palp_gap gap_of_exit(const palp_tool_field *f, palp_vec3 x, palp_vec3 axi
     return depth > 0.0f && depth < most ? out : gap_of_distance(from);
 }
 
+/* From the plane that a convex tool has at the place x + way a. */
+static palp_gap gap_of_plane(palp_gap there, float way, palp_vec3 a) {
+    there.gap_m -= way * palp_dot(there.normal, a);
+    return there;
+}
+
+/* Of the ball that the axis leaves last; where it meets none, the nearest side. */
+static palp_gap exit_of_balls(const palp_tool *tool, palp_vec3 x, palp_vec3 a, palp_gap nearest) {
+    palp_gap out = nearest;
+    float farthest = 0.0f;
+    for (uint32_t i = 0; i < tool->balls; i++) {
+        const float radius = tool->ball[i].radius_m;
+        const palp_vec3 r = palp_sub(x, tool->ball[i].center_m);
+        const float along = palp_dot(r, a);
+        const float left2 = radius * radius - palp_dot(r, r) + along * along;
+        const float way = palp_sqrt(palp_max(left2, 0.0f)) - along;
+        if (way <= farthest || !(left2 > 0.0f)) continue;
+        farthest = way;
+        out = gap_of_plane((palp_gap){0.0f, palp_scale(1.0f / radius, palp_madd(r, way, a))}, way, a);
+    }
+    return out;
+}
+
+/* Where a line leaves a slab or round of half width `half`: at `from` along `slope` per length. */
+static float leaves_plane(float from, float slope, float half) {
+    return palp_abs(slope) > 1e-6f ? (half - (slope > 0.0f ? from : -from)) / palp_abs(slope) : 1e30f;
+}
+static float leaves_round(palp_vec3 from, palp_vec3 slope, float radius) {
+    const float a = palp_dot(slope, slope), b = palp_dot(from, slope);
+    const float left = b * b + a * palp_max(radius * radius - palp_dot(from, from), 0.0f);
+    return a > 1e-6f ? (palp_sqrt(left) - b) / a : 1e30f;
+}
+
+/* Newton's method from the box about it: the distance of a convex tool is convex along a line, so each
+ * step ends outside, at a plane that has all of it on one side. */
+static palp_gap exit_of_cylinder(const palp_cylinder *y, palp_vec3 x, palp_vec3 a,
+                                 palp_gap nearest) {
+    const float z = palp_dot(x, y->axis), rises = palp_dot(a, y->axis);
+    const palp_vec3 across = palp_madd(x, -z, y->axis), aside = palp_madd(a, -rises, y->axis);
+    float way = palp_min(leaves_plane(z, rises, y->half_m + y->rim_m),
+                         leaves_round(across, aside, y->radius_m));
+    palp_gap out = gap_of_cylinder(y, palp_madd(x, way, a));
+    way -= out.gap_m / palp_max(palp_dot(out.normal, a), LEAST_SLANT);
+    out = gap_of_cylinder(y, palp_madd(x, way, a));
+    return out.gap_m < PASSED * y->radius_m ? gap_of_plane(out, way, a) : nearest;
+}
+
+/* As far as the nearest side lies behind, from where the axis leaves the tool. */
+static palp_gap gap_of_sides(const palp_tool *tool, palp_vec3 x, const palp_tool_press *press,
+                             palp_gap nearest) {
+    const palp_gap out = tool->shape == PALP_TOOL_CYLINDER
+                             ? exit_of_cylinder(&tool->cylinder, x, press->axis, nearest)
+                             : exit_of_balls(tool, x, press->axis, nearest);
+    const float behind = 1.0f - palp_dot(nearest.normal, press->axis) / PALP_TOOL_AHEAD;
+    const float share = press->whole * palp_clamp(behind, 0.0f, 1.0f);
+    const palp_vec3 n = palp_madd(palp_scale(1.0f - share, nearest.normal), share, out.normal);
+    return (palp_gap){nearest.gap_m + share * (out.gap_m - nearest.gap_m),
+                      palp_scale(1.0f / palp_max(palp_norm(n), 0.05f), n)};
+}
+
 palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
-                             palp_vec3 axis) {
-    if (tool->shape != PALP_TOOL_FIELD) return palp_tool_gap(tool, at, x);
+                             const palp_tool_press *press) {
     const palp_vec3 own = palp_carry_back(at, x);
-    const palp_tool_distance d = palp_tool_field_at(&tool->field, own);
-    palp_gap gap = d.distance_m < 0.0f
-                       ? gap_of_exit(&tool->field, own, palp_rotate_back(at->r, axis), d)
-                       : gap_of_distance(d);
+    palp_gap gap;
+    if (tool->shape == PALP_TOOL_FIELD) {
+        const palp_tool_distance d = palp_tool_field_at(&tool->field, own);
+        gap = d.distance_m < 0.0f
+                  ? gap_of_exit(&tool->field, own, palp_rotate_back(at->r, press->axis), d)
+                  : gap_of_distance(d);
+    } else {
+        const palp_tool_press own_press = {palp_rotate_back(at->r, press->axis), press->whole,
+                                           press->sunk};
+        gap = gap_of(tool, own);
+        if (palp_tool_faces_back(tool, gap, &own_press))
+            gap = gap_of_sides(tool, own, &own_press, gap);
+    }
     gap.normal = palp_rotate(at->r, gap.normal);
     return gap;
 }
@@ -464,8 +534,9 @@ float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
     switch (tool->shape) {
     case PALP_TOOL_CYLINDER:
         along = palp_abs(palp_dot(d, y->axis));
-        return (y->half_m + y->rim_m) * along +
-               y->radius_m * palp_sqrt(palp_max(1.0f - along * along, 0.0f));
+        return y->half_m * along + palp_min(y->rim_m, y->radius_m) +
+               palp_max(y->radius_m - y->rim_m, 0.0f) *
+                   palp_sqrt(palp_max(1.0f - along * along, 0.0f));
     case PALP_TOOL_PAD:
         return (p->half_m[0] + p->edge_m) * palp_abs(palp_dot(d, p->axis[0])) +
                (p->half_m[1] + p->edge_m) * palp_abs(palp_dot(d, p->axis[1])) +
@@ -477,6 +548,44 @@ float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
     default:
         return support_of_balls(tool, d);
     }
+}
+
+palp_vec3 palp_tool_core(const palp_cylinder *y, palp_vec3 down, palp_vec3 x) {
+    const float along = palp_dot(down, y->axis), beside = palp_dot(x, y->axis);
+    const palp_vec3 across = palp_madd(down, -along, y->axis);
+    const float aside = palp_norm(across), inner = palp_max(y->radius_m - y->rim_m, 0.0f);
+    const float end = palp_clamp(along / LEVEL, -1.0f, 1.0f) * y->half_m;
+    const float level = 1.0f - palp_min(palp_abs(along) / LEVEL, 1.0f);
+    const float z = palp_clamp(end + level * beside, -y->half_m, y->half_m);
+    const palp_vec3 place = palp_scale(z, y->axis);
+    return aside > LEVEL ? palp_madd(place, inner / aside, across) : place;
+}
+
+/* How far a ball that is nearest to x, or a cylinder, extends along d. */
+static float support_at(const palp_tool *tool, palp_vec3 x, palp_vec3 d) {
+    const palp_ball *nearest = &tool->ball[0];
+    if (tool->shape == PALP_TOOL_CYLINDER) return palp_tool_support(tool, d);
+    for (uint32_t i = 1; i < tool->balls; i++) {
+        if (gap_of_ball(&tool->ball[i], x).gap_m < gap_of_ball(nearest, x).gap_m)
+            nearest = &tool->ball[i];
+    }
+    return palp_dot(nearest->center_m, d) + nearest->radius_m;
+}
+
+palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
+                              const palp_tool_press *press, palp_gap gap, float share) {
+    const float ahead = PALP_TOOL_FLARE, facing = palp_dot(gap.normal, press->axis);
+    const palp_vec3 side = palp_madd(gap.normal, -facing, press->axis);
+    const float aside = palp_norm(side);
+    if (facing >= ahead || !(share > 0.0f) || !(aside > 0.0f) || !palp_tool_flares(tool))
+        return gap;
+    const palp_vec3 n = palp_madd(palp_scale(ahead, press->axis),
+                                  palp_sqrt(1.0f - ahead * ahead) / aside, side);
+    const palp_vec3 own = palp_carry_back(at, x), own_n = palp_rotate_back(at->r, n);
+    const float flared = palp_dot(own_n, own) - support_at(tool, own, own_n);
+    const palp_vec3 mixed = palp_madd(gap.normal, share, palp_sub(n, gap.normal));
+    return (palp_gap){gap.gap_m + share * (flared - gap.gap_m),
+                      palp_scale(1.0f / palp_max(palp_norm(mixed), 0.05f), mixed)};
 }
 
 palp_vec3 palp_tool_turned(const palp_tool *tool, const palp_frame *at, palp_vec3 turn_rad) {

@@ -113,17 +113,54 @@ palp_touch palp_tool_at(const palp_tool *tool, const palp_frame *at, palp_vec3 x
  * palp_tool_at. */
 palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x);
 
+/* How a tool is pressed: along which axis, unit, out of the tool into the body; how far, to 1, what it
+ * touches is one region, which it can come over; and how far it has sunk in there. */
+typedef struct {
+    palp_vec3 axis;
+    float whole, sunk;
+} palp_tool_press;
+
 /*
- * The gap as a contact along `axis` sees it, unit, out of the tool into the body. In a part thinner than
- * it is pressed deep the nearest side is not the one that presses. So a place inside a field looks for
- * where the axis leaves the tool, at e with the normal n, and is n . (x - e) from it, as long as that
- * is less than PALP_TOOL_STEEP times the distance of the nearest side; else as palp_tool_gap, which it
- * is for other tools. Cost: at most PALP_TOOL_EXIT evaluations of a field more.
+ * The gap as a contact along the axis of a press sees it. Of a tool pressed
+ * deeper than a part of it is thick, as a ball deeper than its radius, the nearest side is not the one
+ * that presses. So a place inside, or behind a ball or cylinder that has sunk in, looks for where the axis
+ * leaves the tool, at e with the normal n, and is n . (x - e) from it: the more, the more the nearest
+ * side faces back. In a field that holds as
+ * long as it is less than PALP_TOOL_STEEP times the distance of the nearest side. Else, and for pads,
+ * as palp_tool_gap. Cost: at most PALP_TOOL_EXIT evaluations of a field more, PALP_TOOL_OUT of
+ * another tool.
  */
 palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
-                             palp_vec3 axis);
+                             const palp_tool_press *press);
 #define PALP_TOOL_STEEP 3.0f
 #define PALP_TOOL_EXIT 4u
+#define PALP_TOOL_AHEAD 0.4f /* of the axis to the nearest side: from there on that alone counts */
+#define PALP_TOOL_OUT 1u
+
+/* Whether that differs from palp_tool_gap, for balls and cylinders. */
+static inline bool palp_tool_faces_back(const palp_tool *tool, palp_gap gap,
+                                        const palp_tool_press *press) {
+    const float facing = palp_dot(gap.normal, press->axis);
+    return tool->shape != PALP_TOOL_PAD && facing < PALP_TOOL_AHEAD && press->whole > 0.0f &&
+           (gap.gap_m < 0.0f || (press->sunk > 0.0f && facing < 0.0f));
+}
+
+/*
+ * What the sides of a ball or cylinder are to a place that it has come over, with its `gap`: a cone that
+ * touches them where their normal has PALP_TOOL_FLARE of the axis, by this share. Points of a
+ * soft surface that has been pressed deep would else go aside, and let the tool through. Cost: as an
+ * evaluation.
+ */
+palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
+                              const palp_tool_press *press, palp_gap gap, float share);
+#define PALP_TOOL_FLARE 0.8f
+static inline bool palp_tool_flares(const palp_tool *tool) {
+    return tool->shape == PALP_TOOL_OF_BALLS || tool->shape == PALP_TOOL_CYLINDER;
+}
+
+/* The place inside a cylinder that lies farthest along `down`, at its end or on its rim, before the rounding;
+ * of one that lies across it, at most a few degrees off, the place next to x. In its own axes. */
+palp_vec3 palp_tool_core(const palp_cylinder *cylinder, palp_vec3 down, palp_vec3 x);
 
 /* Radius about the reference point within which the surface that touches lies (m). */
 float palp_tool_extent(const palp_tool *tool);
@@ -133,7 +170,7 @@ float palp_tool_extent(const palp_tool *tool);
 bool palp_tool_may_reach(const palp_tool *tool, palp_vec3 own, float reach_m);
 
 /* How far it extends from the reference point along a unit direction of its own axes (m); at most
- * by a box for pads, cylinders and fields. */
+ * by a box for pads and fields. */
 float palp_tool_support(const palp_tool *tool, palp_vec3 own_direction);
 
 /* What of a turn changes how the tool lies: nothing of a ball's, nothing about a cylinder's axis. */

@@ -17,6 +17,7 @@ struct palp_scene {
     palp_hand_report hand_report[PALP_SCENE_HANDS];
     palp_body_report body_report[PALP_SCENE_BODIES];
     palp_scene_drive drive[PALP_SCENE_DRIVES];
+    palp_setpoint setpoint[PALP_SCENE_DRIVES];
     float value[PALP_SCENE_BODIES][PALP_MAX_JOINTS]; /* of multizone models */
     palp_frame root[PALP_SCENE_BODIES];
     float part[PALP_SCENE_HANDS];        /* of the springs of its tools */
@@ -74,11 +75,12 @@ size_t palp_scene_memsize(const palp_scene_config *config) {
 }
 
 static bool drive_is_sound(const palp_scene_config *c, const palp_scene_drive *d) {
-    if (d->body >= c->bodies || d->hand >= c->hands || !palp_is_finite(d->offset) ||
-        !palp_is_finite(d->scale) || c->body[d->body].kind != PALP_BODY_ZONES)
+    if (d->body >= c->bodies || d->hand >= c->hands || !palp_scene_drive_is_sound(d) ||
+        c->body[d->body].kind != PALP_BODY_ZONES)
         return false;
-    return d->axis < palp_axes(&c->hand[d->hand].device.kinematics) &&
-           d->joint < c->body[d->body].assembly->zones->meta->joints;
+    return d->joint < c->body[d->body].assembly->zones->meta->joints &&
+           (d->by != PALP_DRIVEN_BY_AXIS ||
+            d->axis < palp_axes(&c->hand[d->hand].device.kinematics));
 }
 
 static palp_status check(const palp_scene_config *c) {
@@ -117,7 +119,10 @@ static void set_up(palp_scene *s, const palp_scene_config *c) {
     s->port = c->port;
     s->dt_s = 1.0f / c->hand[0].device.drives.rate_hz;
     for (uint32_t h = 0; h < c->hands; h++) palp_hand_init(&s->hand[h], &c->hand[h]);
-    for (uint32_t d = 0; d < c->drives; d++) s->drive[d] = c->drive[d];
+    for (uint32_t d = 0; d < c->drives; d++) {
+        s->drive[d] = c->drive[d];
+        palp_setpoint_init(&s->setpoint[d], &s->drive[d]);
+    }
     for (uint32_t b = 0; b < c->bodies; b++) s->root[b] = PALP_FRAME_IDENTITY;
     for (uint32_t t = 0; t < c->tools; t++) {
         const uint32_t hand = c->tool[t].hand;
@@ -136,7 +141,8 @@ static palp_status open_bodies(palp_scene *s, const palp_scene_config *c,
                                void *memory[PALP_SCENE_BODIES],
                                const size_t bytes[PALP_SCENE_BODIES], float *bound_ns) {
     const palp_prices ns = palp_prices_of(&c->cost);
-    const float first_ns = (float)c->hands * palp_servo_cost_before(&ns);
+    const float first_ns = (float)c->hands * palp_servo_cost_before(&ns) +
+                           palp_scene_drives_cost(&ns, c->drives);
     const float last_ns = (float)c->hands * palp_servo_cost_after(&ns);
     float least_ns[PALP_SCENE_BODIES] = {0.0f}, all_ns = 0.0f;
     s->bound_ns = first_ns + last_ns;
@@ -196,6 +202,10 @@ palp_drive_trouble palp_scene_trouble(const palp_scene *scene, uint32_t hand, ui
     return palp_drive_trouble_of(&h->axes.drive[axis], &h->config.device.drives);
 }
 
+uint32_t palp_scene_drives(const palp_scene *scene) { return scene->drives; }
+const palp_setpoint *palp_scene_setpoint(const palp_scene *scene, uint32_t drive) {
+    return &scene->setpoint[drive];
+}
 uint32_t palp_scene_bodies(const palp_scene *scene) { return scene->bodies; }
 uint32_t palp_scene_tools(const palp_scene *scene) { return scene->tools; }
 const palp_scene_tool *palp_scene_mount(const palp_scene *scene, uint32_t tool) {
@@ -226,6 +236,27 @@ static palp_vec3 way_out(const palp_scene *from, uint32_t hand) {
     return size > 0.0f ? palp_scale(1.0f / size, force) : up;
 }
 
+static const palp_joint_entry *joint_of(const palp_scene *s, const palp_scene_drive *d) {
+    return &s->body[d->body].config.assembly->zones->joint[d->joint];
+}
+
+/* Joints go on where the same frames have led them. */
+static void keep_setpoints(palp_scene *s, const palp_scene *from) {
+    for (uint32_t d = 0; d < s->drives; d++) {
+        const palp_scene_drive *a = &s->drive[d];
+        if (a->by != PALP_DRIVEN_BY_FRAMES) continue;
+        for (uint32_t o = 0; o < from->drives; o++) {
+            const palp_scene_drive *b = &from->drive[o];
+            if (b->by != a->by || b->hand != a->hand || b->id != a->id || b->byte != a->byte)
+                continue;
+            const palp_joint_entry *joint = joint_of(s, a);
+            s->setpoint[d] = from->setpoint[o];
+            s->setpoint[d].value = palp_clamp(s->setpoint[d].value, joint->low, joint->high);
+            s->setpoint[d].goal = palp_clamp(s->setpoint[d].goal, joint->low, joint->high);
+        }
+    }
+}
+
 palp_status palp_scene_take_over(palp_scene *s, const palp_scene *from) {
     bool same =
         s->hands == from->hands && palp_same_bits(s->dt_s, from->dt_s) && palp_scene_has_left(from);
@@ -245,6 +276,7 @@ palp_status palp_scene_take_over(palp_scene *s, const palp_scene *from) {
         s->within[t] = s->hand[hand].feels ? OUT_TICKS : 0u;
     }
     for (uint32_t h = 0; h < s->hands; h++) s->part[h] = s->hand[h].feels ? 1.0f : 0.0f;
+    keep_setpoints(s, from);
     s->ticks = from->ticks;
     return PALP_OK;
 }
@@ -258,14 +290,39 @@ void palp_scene_pose(palp_scene *s, uint32_t body, const float *value, const pal
     s->root[body] = *root;
 }
 
-/* Joints that follow axes, and the configuration of each multizone model. */
+/* Whether a frame has set-points for joints of the scene. */
+static bool take_setpoints(palp_scene *s, uint32_t hand, const palp_can_frame *frame) {
+    bool any = false;
+    for (uint32_t d = 0; d < s->drives; d++) {
+        const palp_scene_drive *of = &s->drive[d];
+        if (of->hand == hand && of->by == PALP_DRIVEN_BY_FRAMES)
+            any |= palp_setpoint_take(&s->setpoint[d], of, joint_of(s, of), frame);
+    }
+    return any;
+}
+
+/* Joints that are driven by frames: the device's axes have put those aside as foreign. */
+static void listen(palp_scene *s, uint32_t hand, const palp_tick_input *input) {
+    palp_counters *c = &s->hand[hand].counters;
+    const uint32_t frames =
+        input->count < PALP_SERVO_FRAMES_IN ? input->count : PALP_SERVO_FRAMES_IN;
+    for (uint32_t f = 0; f < frames && s->drives > 0u; f++) {
+        if (!take_setpoints(s, hand, &input->frames[f]) || c->rejected == 0u) continue;
+        c->rejected--;
+        c->accepted++;
+    }
+}
+
+/* Joints that are driven, and the configuration of each multizone model. */
 static void pose_zones(palp_scene *s) {
     for (uint32_t d = 0; d < s->drives; d++) {
         const palp_scene_drive *of = &s->drive[d];
         const palp_hand *h = &s->hand[of->hand];
-        if (h->feels)
-            s->value[of->body][of->joint] =
-                of->offset + of->scale * h->axes.joint[of->axis].believed_rad;
+        float *value = &s->value[of->body][of->joint];
+        if (of->by == PALP_DRIVEN_BY_FRAMES)
+            *value = s->setpoint[d].value;
+        else if (h->feels)
+            *value = of->offset + of->scale * h->axes.joint[of->axis].believed_rad;
     }
     for (uint32_t b = 0; b < s->bodies; b++) {
         if (s->body[b].config.kind == PALP_BODY_ZONES)
@@ -476,8 +533,11 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
         s->hand_report[h] = (palp_hand_report){.faults = 0};
         palp_hand_begin(&s->hand[h], &input[h], &s->hand_report[h]);
         s->tip[h] = palp_hand_tip(&s->hand[h]);
+        listen(s, h, &input[h]);
         feels = feels || s->hand[h].feels;
     }
+    for (uint32_t d = 0; d < s->drives; d++)
+        palp_setpoint_step(&s->setpoint[d], &s->drive[d], s->dt_s);
     fade(s, begins_anew(s));
     place_tools(s);
     if (feels) pose_zones(s);

@@ -32,6 +32,7 @@
 
 #include "core/contact/loads.h"
 #include "core/servo/body.h"
+#include "core/servo/setpoint.h"
 
 #define PALP_SCENE_BODIES 4u
 #define PALP_SCENE_HANDS 4u
@@ -49,13 +50,6 @@ typedef struct {
         jaw; /* share of the opening of a gripper by which it lies along the tip's y: -0.5 and 0.5 of
                       two jaws; 0: it does not follow the gripper */
 } palp_scene_tool;
-
-/* A joint of a multizone model that follows an axis of a device: value = offset + scale q. */
-typedef struct {
-    uint32_t body, joint, hand, axis;
-    float offset, scale;
-} palp_scene_drive;
-#define PALP_SCENE_DRIVES 8u
 
 /* Pointers are kept, but for these arrays. */
 typedef struct {
@@ -81,7 +75,7 @@ typedef struct {
 typedef struct palp_scene palp_scene;
 
 /* What a scene takes besides its hands, tools and bodies, at most. */
-#define PALP_SCENE_OBJECT 9728u
+#define PALP_SCENE_OBJECT 9984u
 
 /* Bytes for a scene; 0 if its counts or a body are out of range. */
 size_t palp_scene_memsize(const palp_scene_config *config);
@@ -95,8 +89,8 @@ size_t palp_scene_memsize(const palp_scene_config *config);
 palp_status palp_scene_open(palp_scene **scene, const palp_scene_config *config, void *memory,
                             size_t bytes, float *bound_ns);
 
-/* Joint values and the place of zone 0 of a multizone model, for the next tick; those that follow an
- * axis are taken from there. Does nothing for another body. */
+/* Joint values and the place of zone 0 of a multizone model, for the next tick; joints with a drive take
+ * theirs from it. Does nothing for another body. */
 void palp_scene_pose(palp_scene *scene, uint32_t body, const float *value, const palp_frame *root);
 
 /*
@@ -136,5 +130,8 @@ uint32_t palp_scene_tools(const palp_scene *scene);
 const palp_scene_tool *palp_scene_mount(const palp_scene *scene, uint32_t tool);
 const palp_body *palp_scene_body(const palp_scene *scene, uint32_t body);
 const palp_hand *palp_scene_hand(const palp_scene *scene, uint32_t hand);
+uint32_t palp_scene_drives(const palp_scene *scene);
+/* What a drive by frames has come to; one by an axis stays as it was opened. */
+const palp_setpoint *palp_scene_setpoint(const palp_scene *scene, uint32_t drive);
 
 #endif

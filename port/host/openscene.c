@@ -122,23 +122,80 @@ static void open_body(scene_setup *s, uint32_t number) {
             s->file->name, b->name);
 }
 
-static void open_follow(scene_setup *s, uint32_t number) {
-    const scene_follow *f = &s->file->follow[number];
+static void open_axis(const scene_setup *s, const scene_follow *f, palp_scene_drive *d) {
+    const uint32_t axes = palp_axes(&s->device[f->device].device.kinematics);
+    if (s->part[f->body].joint[d->joint] != NULL)
+        die(EXIT_USAGE, "%s: joint '%s' is on a track already", f->where, f->joint);
+    if (f->axis >= axes)
+        die(EXIT_USAGE, "%s: device %" PRIu32 " has %" PRIu32 " axes, counted from 0", f->where,
+            f->device, axes);
+    d->by = PALP_DRIVEN_BY_AXIS;
+    d->axis = f->axis;
+    d->offset = (float)f->offset;
+    d->scale = (float)f->scale;
+}
+
+/* Exits 2 if a drive on the same bus answers with the id. */
+static void check_id(const scene_setup *s, const scene_follow *f) {
+    const palp_can_filter wanted = {.id = f->id, .flags = f->id > 0x7ffu ? PALP_CAN_EXTENDED : 0};
+    const char *bus = s->file->device[f->device].bus;
+    for (uint32_t h = 0; h < s->file->devices; h++) {
+        const palp_device *device = &s->device[h].device;
+        palp_can_filter of[PALP_DRIVE_FILTERS];
+        if (h != f->device && strcmp(s->file->device[h].bus, bus) != 0) continue;
+        for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++) {
+            const uint32_t n = palp_drive_filters(&device->drives, device->node_id[i], of);
+            for (uint32_t k = 0; k < n; k++) {
+                if ((wanted.id & of[k].mask) == of[k].id &&
+                    wanted.flags == (of[k].flags & PALP_CAN_EXTENDED))
+                    die(EXIT_USAGE,
+                        "%s: frames 0x%" PRIx32 " come from node %d of device %s: choose another "
+                        "id",
+                        f->where, f->id, device->node_id[i], s->file->device[h].name);
+            }
+        }
+    }
+}
+
+/* Where the simulated controller begins, the joint waits; by default it may cross its range in a second. */
+static void open_listen(scene_setup *s, scene_follow *f, palp_scene_drive *d) {
     scene_part *part = &s->part[f->body];
+    const palp_joint_entry *e = &part->zones.joint[d->joint];
+    const scene_track *track = part->joint[d->joint];
+    const double start = track != NULL ? track->key[0].value[0] : 0;
+    check_id(s, f);
+    if (f->byte + 4u > 8u && !s->device[f->device].device.drives.fd)
+        die(EXIT_USAGE, "%s: a classic frame has 8 bytes: byte %" PRIu32 " needs a device with fd 1",
+            f->where, f->byte);
+    part->joint[d->joint] = NULL;
+    if (!(f->fastest > 0)) f->fastest = (double)(e->high - e->low);
+    if (!(f->fastest > 0 && f->fastest <= 1000))
+        die(EXIT_USAGE, "%s: joint '%s': at most %g rad/s or m/s: need more than 0 and up to 1000",
+            f->where, f->joint, f->fastest);
+    d->by = PALP_DRIVEN_BY_FRAMES;
+    d->offset = palp_clamp((float)start, e->low, e->high);
+    d->id = f->id;
+    d->byte = f->byte;
+    d->fastest = (float)f->fastest;
+}
+
+static void open_follow(scene_setup *s, uint32_t number) {
+    scene_follow *f = &s->file->follow[number];
+    const scene_part *part = &s->part[f->body];
     if (part->kind != PALP_BODY_ZONES)
         die(EXIT_USAGE, "%s: %s has no joints", f->where, s->file->body[f->body].name);
     const uint32_t joint = find_joint(f->where, &part->zones, f->joint);
-    if (part->joint[joint] != NULL)
-        die(EXIT_USAGE, "%s: joint '%s' is on a track already", f->where, f->joint);
-    if (f->axis >= palp_axes(&s->device[f->device].device.kinematics))
-        die(EXIT_USAGE, "%s: device %" PRIu32 " has %" PRIu32 " axes, counted from 0", f->where,
-            f->device, palp_axes(&s->device[f->device].device.kinematics));
-    s->drive[number] = (palp_scene_drive){.body = f->body,
-                                          .joint = joint,
-                                          .hand = f->device,
-                                          .axis = f->axis,
-                                          .offset = (float)f->offset,
-                                          .scale = (float)f->scale};
+    palp_scene_drive *d = &s->drive[number];
+    for (uint32_t o = 0; o < number; o++) {
+        if (s->drive[o].body == f->body && s->drive[o].joint == joint)
+            die(EXIT_USAGE, "%s: joint '%s' has a 'follow' or 'listen' already", f->where,
+                f->joint);
+    }
+    *d = (palp_scene_drive){.body = f->body, .joint = joint, .hand = f->device};
+    if (f->listens)
+        open_listen(s, f, d);
+    else
+        open_axis(s, f, d);
 }
 
 /* ---- places ---- */

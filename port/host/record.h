@@ -58,6 +58,8 @@ typedef struct {
     palp_body_report body[PALP_SCENE_BODIES];
     uint32_t clock_ns[RECORD_CLOCKS]; /* after the first */
     palp_load load[RECORD_LOADS];     /* forces on the first body, for the display */
+    uint32_t joint_count;             /* driven by frames */
+    palp_setpoint joint[PALP_SCENE_DRIVES];
     tick_hand hand[];                 /* [hands] */
 } tick_record;
 

@@ -228,6 +228,31 @@ static void lines_of_contact(const summary *s) {
              (double)sum.doubt_N);
 }
 
+void run_joints_of(run_record *r, const scene_setup *s) {
+    r->joints = 0;
+    for (uint32_t d = 0; d < s->config.drives; d++) {
+        const palp_scene_drive *of = &s->drive[d];
+        if (of->by != PALP_DRIVEN_BY_FRAMES) continue;
+        const char *bus = s->file->device[of->hand].bus;
+        /* scenes come and go */
+        r->joint[r->joints++] = (run_joint){.name = copy_string(s->file->follow[d].joint),
+                                            .bus = copy_string(bus[0] != '\0' ? bus : "loop"),
+                                            .id = of->id};
+    }
+}
+
+static void lines_of_joints(const summary *s) {
+    for (uint32_t j = 0; j < s->r->joints; j++) {
+        const run_joint *of = &s->r->joint[j];
+        const palp_setpoint *p = &of->at;
+        line(s, "joint",
+             "%s: %" PRIu64 " set-points in frames 0x%" PRIx32 " on %s, the last %.3g s before the "
+             "end, %" PRIu64 " not finite; stands at %.4g",
+             of->name, p->taken, of->id, of->bus, (double)p->age / s->r->rate_hz, p->left,
+             (double)p->value);
+    }
+}
+
 static void lines_of_bus(const summary *s, uint32_t hand) {
     const run_record *r = s->r;
     const run_totals *total = &r->hand[hand].totals;
@@ -279,6 +304,7 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
     lines_of_run(&s);
     lines_of_time(&s);
     lines_of_contact(&s);
+    lines_of_joints(&s);
     for (uint32_t h = 0; h < r->hands; h++) {
         if (r->hands > 1)
             line(&s, "device", "%" PRIu32 ": %s on %s", h, r->hand[h].device_name,

@@ -23,10 +23,19 @@ typedef struct {
 } run_body;
 void run_body_add(run_body *body, const palp_body_report *report);
 
+/* What became of a joint that is driven by frames. */
 typedef struct {
+    const char *name, *bus;
+    uint32_t id;
+    palp_setpoint at; /* at the end */
+} run_joint;
+
+typedef struct {
+    uint32_t joints;
     uint32_t hands, bodies; /* bodies: 0 where the devices' ticks say all of one */
     run_hand hand[PALP_SCENE_HANDS];
     run_body body[PALP_SCENE_BODIES];
+    run_joint joint[PALP_SCENE_DRIVES];
     float *late_us; /* [count] wake-up lateness of each tick; NULL when the run was not paced */
     size_t count;
     bool totalled; /* totals are known */
@@ -38,6 +47,9 @@ typedef struct {
     const char *title;
     const palp_blob *blob;
 } run_record;
+
+/* Names the joints of a scene that are driven by frames. */
+void run_joints_of(run_record *r, const scene_setup *setup);
 
 void report_text(FILE *f, const run_record *r);
 void report_html(FILE *f, const run_record *r);

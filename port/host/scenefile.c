@@ -19,7 +19,7 @@ static const option keys[] = {
     {"--damping", 1},   {"--drag", 1},     {"--follow", -5},   {"--device", 1},  {"--bus", 1},
     {"--hand", 1},      {"--place", -4},   {"--node", -2},     {"--turn", 3},    {"--scale", 1},
     {"--placement", 4}, {"--rotation", 9}, {"--tool", -8},     {"--mount", -6},  {"--jaw", 1},
-    {"--friction", -2}, {NULL, 0}};
+    {"--friction", -2}, {"--listen", -5},  {NULL, 0}};
 
 typedef struct {
     scene_file *s;
@@ -146,20 +146,45 @@ static scene_track *motion_of(scene_body *b, const argument *a) {
     return &m->track;
 }
 
-static void take_follow(const reading *r, const argument *a) {
+static scene_follow *add_follow(const reading *r, const argument *a) {
     scene_file *s = r->s;
-    if (a->count < 4) die(EXIT_USAGE, "%s: need JOINT DEVICE AXIS SCALE [OFFSET]", a->where);
     if (s->follows == PALP_SCENE_DRIVES)
-        die(EXIT_USAGE, "%s: more than %u joints follow axes", a->where, PALP_SCENE_DRIVES);
+        die(EXIT_USAGE, "%s: more than %u joints follow axes or frames", a->where,
+            PALP_SCENE_DRIVES);
     (void)current_body(r, a);
     scene_follow *f = &s->follow[s->follows++];
-    *f = (scene_follow){.body = s->bodies - 1,
-                        .device = arg_u32(a, 1, 0, PALP_SCENE_HANDS - 1),
-                        .axis = arg_u32(a, 2, 0, PALP_AXES - 1),
-                        .scale = arg_double(a, 3),
-                        .offset = a->count > 4 ? arg_double(a, 4) : 0};
+    *f = (scene_follow){.body = s->bodies - 1, .device = arg_u32(a, 1, 0, PALP_SCENE_HANDS - 1)};
     put_word(a->where, f->joint, a->value[0]);
     put_word(a->where, f->where, a->where);
+    return f;
+}
+
+static void take_follow(const reading *r, const argument *a) {
+    if (a->count < 4) die(EXIT_USAGE, "%s: need JOINT DEVICE AXIS SCALE [OFFSET]", a->where);
+    scene_follow *f = add_follow(r, a);
+    f->axis = arg_u32(a, 2, 0, PALP_AXES - 1);
+    f->scale = arg_double(a, 3);
+    f->offset = a->count > 4 ? arg_double(a, 4) : 0;
+}
+
+/* Decimal, or hexadecimal behind 0x. */
+static uint32_t take_id(const argument *a, int index) {
+    const char *text = a->value[index];
+    char *end;
+    const bool hex = text[0] == '0' && (text[1] == 'x' || text[1] == 'X');
+    const unsigned long id = strtoul(text, &end, hex ? 16 : 10);
+    if (text[0] < '0' || text[0] > '9' || *end != '\0' || id > 0x1fffffffu)
+        die(EXIT_USAGE, "%s: '%s' is no id of a frame: 0x0 to 0x1fffffff", a->where, text);
+    return (uint32_t)id;
+}
+
+static void take_listen(const reading *r, const argument *a) {
+    if (a->count < 3) die(EXIT_USAGE, "%s: need JOINT DEVICE ID [BYTE [FASTEST]]", a->where);
+    scene_follow *f = add_follow(r, a);
+    f->listens = true;
+    f->id = take_id(a, 2);
+    f->byte = a->count > 3 ? arg_u32(a, 3, 0, PALP_CAN_MAX_DATA - 4u) : 0;
+    f->fastest = a->count > 4 ? positive(a, 4) : 0;
 }
 
 /* Of a body: true if the key is one of those. */
@@ -199,6 +224,8 @@ static bool take_body_key(reading *r, const argument *a) {
         add_key(motion_of(current_body(r, a), a), a, 2);
     } else if (strcmp(o, "follow") == 0) {
         take_follow(r, a);
+    } else if (strcmp(o, "listen") == 0) {
+        take_listen(r, a);
     } else {
         return false;
     }
@@ -425,6 +452,13 @@ void scene_free(scene_file *s) {
     free(s);
 }
 
+const scene_track *scene_joint_track(const scene_body *b, const char *joint) {
+    for (size_t i = 0; i < b->motions; i++) {
+        if (strcmp(b->motion[i].joint, joint) == 0) return &b->motion[i].track;
+    }
+    return NULL;
+}
+
 bool scene_is_here(const char *path) { return has_extension(path, ".scene"); }
 
 /* ---- writing ---- */
@@ -464,7 +498,11 @@ static void write_body(FILE *f, const scene_file *s, uint32_t number) {
     }
     for (uint32_t i = 0; i < s->follows; i++) {
         const scene_follow *w = &s->follow[i];
-        if (w->body == number)
+        if (w->body != number) continue;
+        if (w->listens)
+            fprintf(f, "listen %s %" PRIu32 " 0x%" PRIx32 " %" PRIu32 " %.17g\n", w->joint,
+                    w->device, w->id, w->byte, w->fastest);
+        else
             fprintf(f, "follow %s %" PRIu32 " %" PRIu32 " %.17g %.17g\n", w->joint, w->device,
                     w->axis, w->scale, w->offset);
     }

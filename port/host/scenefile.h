@@ -76,11 +76,15 @@ typedef struct {
     double jaw;
 } scene_mount;
 
-/* A joint that follows an axis of a device. */
+/* A joint that follows an axis of a device, or set-points in frames on its bus. */
 typedef struct {
     char joint[SCENE_WORD], where[SCENE_WORD];
-    uint32_t body, device, axis;
+    uint32_t body, device;
+    bool listens; /* to frames */
+    uint32_t axis;
     double scale, offset;
+    uint32_t id, byte;
+    double fastest; /* rad/s or m/s */
 } scene_follow;
 
 typedef struct {
@@ -119,6 +123,9 @@ scene_mount *scene_add_tool(scene_file *s, const char *where);
 /* Writes what palpd needs of it as a scene that stands for itself, so that reading it gives the same
  * bits. */
 void scene_write(FILE *f, const scene_file *s);
+
+/* The track of a joint of a body; NULL if it has none. */
+const scene_track *scene_joint_track(const scene_body *body, const char *joint);
 
 /* A place and a turn as a frame. */
 palp_frame scene_frame(const scene_place *place);

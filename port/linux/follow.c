@@ -90,6 +90,10 @@ static void consume_tick(follower *f, const tick_record *t) {
             telemetry_publish(f->telemetry[h], &t->hand[h].report);
         announce(f, &t->hand[h], h);
     }
+    f->joints = t->joint_count;
+    memcpy(f->joint, t->joint, t->joint_count * sizeof t->joint[0]);
+    for (uint32_t j = 0; j < t->joint_count && j < r->joints && !f->exchanged; j++)
+        r->joint[j].at = t->joint[j];
     for (uint32_t b = 0; b < r->bodies && !f->exchanged; b++)
         run_body_add(&r->body[b], &t->body[b]);
 }
@@ -121,6 +125,7 @@ void follow_begin(follower *f, size_t capacity) {
         r->hand[h].device_name = copy_string(s->device[h].name); /* scenes come and go */
         r->hand[h].bus_name = copy_string(s->file->device[h].bus);
     }
+    run_joints_of(r, s);
     const bool plain = s->config.bodies == 1 && s->part[0].kind == PALP_BODY_ELASTIC;
     r->bodies = plain ? 0 : s->config.bodies;
     for (uint32_t b = 0; b < r->bodies; b++)

@@ -29,6 +29,8 @@ typedef struct {
     run_record record;
     size_t capacity;
     uint64_t digest, taken, last_tick;
+    uint32_t joints; /* driven by frames, in the last tick */
+    palp_setpoint joint[PALP_SCENE_DRIVES];
     palp_counters counters[PALP_SCENE_HANDS];
     palp_state last_state[PALP_SCENE_HANDS];
     bool state_shown[PALP_SCENE_HANDS];

@@ -68,6 +68,24 @@ uint64_t loop_clock(void *context) {
     return now - l->first_ns;
 }
 
+uint32_t loop_filters(const scene_setup *setup, uint32_t number, bool lockstep,
+                      palp_can_filter filter[LOOP_FILTERS]) {
+    const palp_device *device = &setup->device[number].device;
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
+        n += palp_drive_filters(&device->drives, device->node_id[i], filter + n);
+    for (uint32_t d = 0; d < setup->config.drives; d++) {
+        const palp_scene_drive *of = &setup->drive[d];
+        if (of->by != PALP_DRIVEN_BY_FRAMES || of->hand != number) continue;
+        const bool extended = of->id > 0x7ffu;
+        filter[n++] = (palp_can_filter){.id = of->id,
+                                        .mask = extended ? 0x1fffffffu : 0x7ffu,
+                                        .flags = extended ? PALP_CAN_EXTENDED : 0};
+    }
+    if (lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
+    return n;
+}
+
 /* ---- one tick ---- */
 
 static void receive_lockstep(servo_loop *l, can_port *port, uint32_t tick, tick_hand *hand) {
@@ -176,6 +194,11 @@ static void answer(servo_loop *l, tick_record *t, uint64_t *digest) {
             hand->trouble[i] = palp_scene_trouble(l->scene, h, i);
     }
     for (uint32_t b = 0; b < t->bodies; b++) t->body[b] = report.body[b];
+    t->joint_count = 0;
+    for (uint32_t d = 0; d < palp_scene_drives(l->scene); d++) {
+        if (l->setup->drive[d].by == PALP_DRIVEN_BY_FRAMES)
+            t->joint[t->joint_count++] = *palp_scene_setpoint(l->scene, d);
+    }
     t->digest = *digest;
 }
 

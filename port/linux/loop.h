@@ -80,6 +80,12 @@ typedef struct {
     tick_record *scratch; /* for ticks that find the ring full */
 } servo_loop;
 
+/* What a device's bus has to let through for a scene: its drives' answers, set-points of joints, the marks
+ * of lock step. Returns how many patterns. */
+#define LOOP_FILTERS (PALP_AXES * PALP_DRIVE_FILTERS + PALP_SCENE_DRIVES + 1u)
+uint32_t loop_filters(const scene_setup *setup, uint32_t device, bool lockstep,
+                      palp_can_filter filter[LOOP_FILTERS]);
+
 /* The port's clock for a servo in this loop: context is the servo_loop. */
 uint64_t loop_clock(void *context);
 

@@ -149,6 +149,17 @@ static void begin_load(operation *o, const char *file, char *answer, size_t room
     snprintf(answer, room, "error no thread to read with");
 }
 
+/* What the next scene's joints listen to has to come in before it is there. */
+static bool filter_lines(const servo_loop *l, const scene_setup *next) {
+    bool done = true;
+    for (uint32_t h = 0; h < next->config.hands && !l->simulated; h++) {
+        palp_can_filter filter[LOOP_FILTERS];
+        const uint32_t n = loop_filters(next, h, l->lockstep, filter);
+        done = can_filter_to(&l->line[h].port, filter, n) && done;
+    }
+    return done;
+}
+
 /* What the loop and the reader have come to. */
 static void go_on(operation *o) {
     servo_loop *l = o->follower->loop;
@@ -156,6 +167,11 @@ static void go_on(operation *o) {
     case LOAD_READ:
         (void)pthread_join(o->reader, NULL);
         o->reader = 0;
+        if (!filter_lines(l, o->next.setup)) {
+            scene_tear_down(o->next.setup, o->next.scene);
+            atomic_store(&o->stage, refuse(o, "the kernel refused filters for its frames"));
+            break;
+        }
         atomic_store(&l->next, &o->next);
         atomic_store(&o->stage, LOAD_FADING);
         break;
@@ -206,6 +222,18 @@ static void begin_record(operation *o, const char *file, char *answer, size_t ro
 
 /* ---- commands ---- */
 
+static void say_joints(const follower *f, char *answer, size_t room, size_t used) {
+    const scene_setup *s = f->loop->setup;
+    for (uint32_t d = 0, j = 0; d < s->config.drives && j < f->joints && used < room; d++) {
+        if (s->drive[d].by != PALP_DRIVEN_BY_FRAMES) continue;
+        const palp_setpoint *p = &f->joint[j++];
+        used += (size_t)snprintf(answer + used, room - used,
+                                 " | joint %s at %.4g, %" PRIu64 " set-points, last %.3g s ago",
+                                 s->file->follow[d].joint, (double)p->value, p->taken,
+                                 (double)p->age / f->record.rate_hz);
+    }
+}
+
 static void say_state(const operation *o, char *answer, size_t room) {
     static const char *const stages[] = {"none", "reading", "read", "fading", "refused"};
     const follower *f = o->follower;
@@ -224,6 +252,7 @@ static void say_state(const operation *o, char *answer, size_t room) {
                                  report_state(p->state), faults[0] != '\0' ? faults : "none",
                                  (double)palp_norm(p->force_N));
     }
+    say_joints(f, answer, room, used);
 }
 
 static void obey(void *context, char *command, char *answer, size_t room) {

@@ -280,15 +280,13 @@ static void open_line(servo_loop *l, const daemon_spec *s, const scene_setup *se
         fault_list f = s->fault != NULL ? faults_read(s->fault, seed) : (fault_list){.seed = seed};
         simulated_file[number] = setup->device[number];
         sim_bus_init(&simulated[number], &simulated_file[number], hand_load(d->hand), f);
+        sim_peer_init(&simulated[number].peer, setup->file, number);
         l->line[number].memory = (memory_bus){&simulated[number], pass, send, overrun};
         return;
     }
-    palp_can_filter filter[PALP_AXES * PALP_DRIVE_FILTERS + 1];
-    uint32_t n = 0;
-    for (uint32_t i = 0; i < palp_axes(&device->kinematics); i++)
-        n += palp_drive_filters(&device->drives, device->node_id[i], filter + n);
-    if (s->lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
-    l->line[number].port = can_open(copy_string(d->bus), device->drives.fd, filter, n);
+    palp_can_filter filter[LOOP_FILTERS];
+    l->line[number].port = can_open(copy_string(d->bus), device->drives.fd, filter,
+                                    loop_filters(setup, number, s->lockstep, filter));
 }
 
 /* Two devices on one bus must not answer to the same node. */
@@ -344,6 +342,15 @@ static void warn_of_distance(const follower *f) {
     }
 }
 
+/* Joints that nobody has moved, though the scene says that somebody does. */
+static void warn_of_silence(const run_record *r) {
+    for (uint32_t j = 0; j < r->joints; j++) {
+        if (r->joint[j].at.taken == 0)
+            warn("joint %s: no set-point came in frames 0x%" PRIx32 " on %s: it stayed at %.4g",
+                 r->joint[j].name, r->joint[j].id, r->joint[j].bus, (double)r->joint[j].at.value);
+    }
+}
+
 static int conclude(const daemon_spec *s, const follower *f) {
     const run_record *r = &f->record;
     int code = EXIT_SUCCESS;
@@ -352,6 +359,7 @@ static int conclude(const daemon_spec *s, const follower *f) {
                " frames lost or out of turn, digest %016" PRIx64 "\n",
                f->loop->done, f->loop->lockstep_lost, f->digest);
     warn_of_distance(f);
+    warn_of_silence(r);
     for (uint32_t h = 0; h < r->hands; h++) {
         const palp_report *last = &r->hand[h].tick[r->count - 1];
         if (last->state == PALP_STATE_RUN && last->faults == 0) continue;

@@ -14,20 +14,19 @@
 #include <time.h>
 #include <unistd.h>
 
-#define MAX_FILTERS 16u
+#define MAX_FILTERS 64u
 #define CONTROL_BYTES (CMSG_SPACE(sizeof(uint32_t)) + CMSG_SPACE(sizeof(struct timespec)))
 
-static void set_filters(int fd, const palp_can_filter *f, uint32_t count) {
+bool can_filter_to(const can_port *port, const palp_can_filter *f, uint32_t count) {
     struct can_filter raw[MAX_FILTERS];
-    if (count == 0) return;
-    if (count > MAX_FILTERS) die(EXIT_WORK, "more than %u receive filters", MAX_FILTERS);
+    if (count > MAX_FILTERS) return false;
     for (uint32_t i = 0; i < count; i++) {
         bool extended = (f[i].flags & PALP_CAN_EXTENDED) != 0;
         raw[i] = (struct can_filter){.can_id = f[i].id | (extended ? CAN_EFF_FLAG : 0),
                                      .can_mask = f[i].mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
     }
-    if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FILTER, raw, count * sizeof raw[0]) != 0)
-        die(EXIT_WORK, "receive filters were refused: %s", strerror(errno));
+    return count == 0 ||
+           setsockopt(port->fd, SOL_CAN_RAW, CAN_RAW_FILTER, raw, count * sizeof raw[0]) == 0;
 }
 
 /* The interface's index, after making sure that it can carry what is asked. */
@@ -66,7 +65,8 @@ can_port can_open(const char *interface, bool fd_frames, const palp_can_filter *
         die(EXIT_USAGE, "no SocketCAN in this kernel (%s): load can_raw, or use --bus loop",
             strerror(errno));
     p.index = find_interface(p.fd, interface, fd_frames);
-    set_filters(p.fd, filter, count);
+    if (!can_filter_to(&p, filter, count))
+        die(EXIT_WORK, "receive filters were refused: %s", strerror(errno));
     if (fd_frames && setsockopt(p.fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0)
         die(EXIT_WORK, "--bus: the kernel refuses CAN FD frames: %s", strerror(errno));
     setsockopt(p.fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);

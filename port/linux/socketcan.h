@@ -21,6 +21,10 @@ typedef struct {
  */
 can_port can_open(const char *interface, bool fd, const palp_can_filter *filter, uint32_t count);
 
+/* Lets through only what comes from there; false when the kernel does not take it, and then nothing has
+ * changed. Any thread, at any time. */
+bool can_filter_to(const can_port *port, const palp_can_filter *filter, uint32_t count);
+
 /* From now on frames are received: called when somebody reads them, so that none queue up and drop
  * before. False, and an event, when the interface has gone. */
 bool can_listen(can_port *port);

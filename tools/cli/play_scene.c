@@ -72,10 +72,12 @@ static void open_player(player *p) {
         die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", s->file->name, r->count, MOST_TICKS);
     for (uint32_t b = 0; b < r->bodies; b++)
         r->body[b] = (run_body){.name = s->file->body[b].name, .kind = s->part[b].kind};
+    run_joints_of(r, s);
     for (uint32_t h = 0; h < r->hands; h++) {
         const char *script = s->file->device[h].hand;
         sim_bus_init(&p->bus[h], &s->device[h], hand_load(script[0] != '\0' ? script : "touch"),
                      (fault_list){.seed = h});
+        sim_peer_init(&p->bus[h].peer, s->file, h);
         r->hand[h] = (run_hand){.tick = allocate(r->count, sizeof *r->hand[h].tick),
                                 .device_name = s->device[h].name,
                                 .bus_name = "loop",
@@ -134,6 +136,10 @@ int play_scene(const play_spec *s, scene_file *file) {
               p->csv.file);
     }
     for (size_t i = 0; i < r->count; i++) tick(p, i, more_events);
+    for (uint32_t d = 0, j = 0; d < palp_scene_drives(p->scene); d++) {
+        if (p->setup->drive[d].by == PALP_DRIVEN_BY_FRAMES)
+            r->joint[j++].at = *palp_scene_setpoint(p->scene, d);
+    }
     for (uint32_t h = 0; h < r->hands; h++)
         r->hand[h].totals = (run_totals){.counters = *palp_scene_counters(p->scene, h),
                                          .frames_sent = p->bus[h].sent,
