@@ -143,6 +143,7 @@ typedef enum {
     /* A rigid tool. */
     PALP_SEC_TOOL = 896,        /* palp_tool_meta */
     PALP_SEC_TOOL_SAMPLE = 897, /* i16[count[2]][count[1]][count[0]] */
+    PALP_SEC_TOOL_EXTREME = 898, /* f32[extremes][3] places of the mesh that lie outermost, m */
 } palp_section;
 
 #define PALP_MAX_ZONES 32u
@@ -287,8 +288,11 @@ typedef struct {
     float size_m;      /* radius of the largest ball inside */
     float error_max_m; /* of the distance on the surface, measured by bake */
     uint8_t mesh_sha256[32];
-    uint32_t reserved[12];
+    uint32_t extremes; /* up to PALP_TOOL_EXTREMES */
+    uint32_t reserved[11];
 } palp_tool_meta;
+
+#define PALP_TOOL_EXTREMES 64u
 
 PALP_STATIC_ASSERT(sizeof(palp_tool_meta) == 128, "tool meta layout");
 

@@ -190,7 +190,7 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
                                  .around = visits + feet * ring,
                                  .evaluations = nodes + seen + PALP_LATTICE_WANTED(level.points) +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
-                                                10u * feet + 1u,
+                                                10u * feet + 4u + PALP_TOOL_EXIT,
                                  .shots = shots + 4u * feet,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points),
                                  .bent = bent};

@@ -61,7 +61,7 @@ float palp_contact_cost_patches(const palp_contact_cost *cost);
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + ways shots + wanted + rings max_ring + 10 feet + 1; shots:
+ * max_ring; evaluations: N + ways shots + wanted + rings max_ring + 10 feet + 4 + PALP_TOOL_EXIT; shots:
  * PALP_LATTICE_SHOTS + 4 feet; crossings. To begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);

@@ -50,7 +50,7 @@ static bool begin(palp_lattice *l, const palp_lattice_room *r) {
     l->placed = false;
     l->watched = 0;
     l->first_axis = (palp_vec3){0};
-    l->at.back_m = l->at.whole = l->at.sunk = 0.0f;
+    l->at.back_m = l->at.whole = l->at.sunk = l->at.tip.radius_m = 0.0f;
     l->went = (palp_vec3){0};
     l->grew = 0.0f;
     start_filling(&a, l, r, *r->count);

@@ -86,6 +86,7 @@ typedef struct {
     float back_m;  /* from how far behind a sphere's centre its shots come, along -axis */
     float whole;   /* 0 to 1: how far what is touched is one region, */
     float sunk;    /* and pressed deeper than the tool is thick */
+    palp_ball tip; /* of a field, from before it had */
     float spacing; /* rad for a sphere, else m */
     palp_far_field far_field; /* by the body as a whole */
     float fixed; /* 0 to 1: how far origin and spacing are those of a pad whose face is covered */
@@ -94,7 +95,7 @@ typedef struct {
 /* As a place with the normal n at rest sees it: one that looks aside is not come over. */
 static inline palp_tool_press palp_lattice_press(const palp_lattice_state *state, palp_vec3 n) {
     const float faces = palp_clamp(-2.0f * palp_dot(n, state->axis) - 1.0f, 0.0f, 1.0f);
-    return (palp_tool_press){state->axis, faces * state->whole, faces * state->sunk};
+    return (palp_tool_press){state->axis, faces * state->whole, faces * state->sunk, state->tip};
 }
 
 /* A node beyond the reach of the contact that the tool may come to touch, and what the largest

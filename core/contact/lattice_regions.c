@@ -32,20 +32,30 @@ static bool has_core(const palp_lattice_filling *f) {
            (f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_CYLINDER);
 }
 
+/* Whether one of a field's extremes is looked from: in turn with the nearest place, which goes to and fro
+ * between a thin tool and the surface but little by little. */
+static bool from_extreme(const palp_lattice_filling *f, uint32_t look) {
+    return f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_FIELD &&
+           f->r->tool->field.extremes > 0u && look % 2u == 0u;
+}
+
 /* Where the search for the foot begins, before a surface with the normal n at rest: a ball's centre, the
- * place inside a cylinder that lies deepest, since the nearest one may be far up its side; of any
- * other tool its nearest place. */
-static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap gap,
-                           palp_vec3 n) {
+ * place inside a cylinder or the extreme of a field that lies deepest; of any other tool its nearest
+ * place. */
+static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap gap, palp_vec3 n,
+                           uint32_t look) {
     const palp_lattice_room *r = f->r;
+    const bool extreme = from_extreme(f, look);
     float gone;
-    if (!has_core(f)) return palp_madd(y, -gap.gap_m, gap.normal);
+    if (!has_core(f) && !extreme) return palp_madd(y, -gap.gap_m, gap.normal);
     r->done->evaluations++; /* half of one */
     const palp_vec3 beside = palp_lattice_beside(f, y, &gone);
     if (f->central) return palp_sub(palp_add(f->moved.t, palp_lattice_center(r)), beside);
     const palp_vec3 down = palp_rotate_back(f->moved.r, palp_scale(-1.0f, n));
     const palp_vec3 own = palp_carry_back(&f->moved, palp_add(y, beside));
-    return palp_sub(palp_carry(&f->moved, palp_tool_core(&r->tool->cylinder, down, own)), beside);
+    const palp_vec3 place = extreme ? palp_tool_field_extreme(&r->tool->field, down)
+                                    : palp_tool_core(&r->tool->cylinder, down, own);
+    return palp_sub(palp_carry(&f->moved, place), beside);
 }
 
 /* From a node towards the point of the surface that lies deepest in the tool nearby. Each shot goes
@@ -61,21 +71,26 @@ static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point
     if (has_core(f))
         way = best = way_to_edges(
             f, p->body, node,
-            foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p)));
+            foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p), 0));
     bool met = false;
     for (uint32_t k = 0; k < FEET; k++) {
-        palp_vec3 at =
-            foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p));
+        const palp_vec3 n = palp_lattice_normal(r, p);
+        const palp_vec3 at = foot_from(f, palp_lattice_world(r, p), least, n, k);
+        const bool extreme = from_extreme(f, k);
+        const palp_vec3 along = extreme ? palp_scale(-1.0f, n) : way;
         r->done->shots++;
-        if (!palp_lattice_enter(f, at, way, &trial)) break;
+        if (!palp_lattice_enter(f, at, along, &trial)) {
+            if (extreme) continue; /* it lies beyond an edge */
+            break;
+        }
         palp_gap gap = palp_lattice_gap(f, palp_lattice_world(r, &trial));
-        if (gap.gap_m < least.gap_m || !met) {
-            best = way;
+        if (gap.gap_m < least.gap_m || (!met && !extreme)) {
+            best = along;
             least = gap;
             *p = trial;
             met = true;
             way = palp_scale(-1.0f, palp_lattice_normal(r, p));
-        } else {
+        } else if (!extreme) {
             way = palp_add(way, best);
             way = palp_scale(1.0f / palp_max(palp_norm(way), 1e-6f), way);
         }

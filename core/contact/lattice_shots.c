@@ -43,7 +43,8 @@ static palp_gap gap_along(palp_lattice_filling *f, palp_vec3 y, palp_vec3 n) {
     if (r->other.surface != NULL) return gap_at(f, y);
     if (r->tool->shape == PALP_TOOL_FIELD) {
         r->done->evaluations += 1u + PALP_TOOL_EXIT;
-        return palp_tool_gap_along(r->tool, &f->moved, y, &press);
+        const palp_gap gap = palp_tool_gap_along(r->tool, &f->moved, y, &press);
+        return palp_tool_gap_flared(r->tool, &f->moved, y, &press, gap, press.sunk);
     }
     palp_gap gap = gap_at(f, y);
     const bool behind = palp_tool_faces_back(r->tool, gap, &press);

@@ -4,6 +4,7 @@
 
 #define FARTHEST -0.7f /* cosine with the first axis at which one begins anew */
 #define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
+#define OFF 0.1f       /* of the size: how far off the surface a tip may be found */
 #define WHOLE 0.1f     /* change of that in a filling */
 #define SUNK 0.8f      /* and from which it has sunk in, */
 #define SUNK_ALL 1.2f  /* up to here */
@@ -121,10 +122,29 @@ static float sunk(const palp_lattice_room *r, float deepest_m) {
     return palp_clamp((deepest_m / half - SUNK) / (SUNK_ALL - SUNK), 0.0f, 1.0f);
 }
 
+/* The part of a field that is pressed: where the axis leaves it below the deepest point, while that can be
+ * told. */
+static void find_tip(palp_lattice *l, const palp_lattice_room *r, const palp_lattice_filling *f,
+                     const palp_contact_point *deepest) {
+    const palp_tool_press press = palp_lattice_press(&l->used, deepest->n);
+    float gone;
+    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD || l->at.sunk > 0.0f) return;
+    const palp_vec3 y = palp_add(deepest->y, palp_lattice_beside(f, deepest->y, &gone));
+    const palp_gap gap = palp_tool_gap_along(r->tool, &f->moved, y, &press);
+    const float facing = palp_dot(gap.normal, press.axis);
+    r->done->evaluations += 3u + PALP_TOOL_EXIT;
+    if (!(gap.gap_m < 0.0f) || facing < 0.5f) return;
+    const palp_vec3 e = palp_madd(y, -gap.gap_m / facing, press.axis);
+    if (palp_abs(palp_tool_gap(r->tool, &f->moved, e).gap_m) > OFF * r->size_m) return;
+    l->at.tip = palp_tool_tip(&r->tool->field, palp_carry_back(&f->moved, e),
+                              palp_rotate_back(f->moved.r, gap.normal));
+}
+
 bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
                         const palp_lattice_filling *f) {
     float weight = 0.0f, square = 0.0f, cells = 0.0f, deepest = 0.0f;
     palp_vec3 aside = {0}, out = {0};
+    const palp_contact_point *lowest = &r->point[f->first];
     for (uint32_t k = f->first; k < *r->count; k++) {
         const palp_contact_point *p = &r->point[k];
         float area = PALP_LATTICE_CELL * p->cell_m * p->cell_m, w = area * p->overlap_m;
@@ -132,6 +152,7 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
         weight += w;
         square += w * p->overlap_m;
         cells += w * area;
+        if (p->overlap_m > deepest) lowest = p;
         deepest = palp_max(deepest, p->overlap_m);
         aside = palp_madd(aside, w, off);
         if (!f->central) out = palp_madd(out, -w, p->n);
@@ -151,6 +172,7 @@ bool palp_lattice_track(palp_lattice *l, const palp_lattice_room *r,
     l->grew = change - 1.0f;
     palp_vec3 went;
     l->at.whole = palp_clamp(l->at.whole + (f->regions > 1u ? -WHOLE : WHOLE), 0.0f, 1.0f);
+    find_tip(l, r, f, lowest);
     l->at.sunk = l->at.whole * sunk(r, deepest);
     if (f->central) {
         const palp_vec3 before = l->at.axis, toward = axis_toward(r, f, l->at.sunk);

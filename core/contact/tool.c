@@ -363,6 +363,7 @@ palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x)
 }
 
 #define OUT 1e-3f         /* of the size: how near the surface counts as out */
+#define LEAST_TIP 0.2f    /* of the size */
 #define LEVEL 0.1f        /* of a direction along the axis, up to which a cylinder lies across it */
 #define PASSED 0.1f       /* of the radius: an axis that comes no nearer does not meet it */
 #define LEAST_SLANT 0.25f /* of the axis to the side that it is to leave by */
@@ -445,18 +446,44 @@ static palp_gap gap_of_sides(const palp_tool *tool, palp_vec3 x, const palp_tool
                       palp_scale(1.0f / palp_max(palp_norm(n), 0.05f), n)};
 }
 
+/* The same of a field, from the plane before its tip; it need not be convex, and has PALP_TOOL_EXIT looks. */
+static palp_gap exit_by_tip(const palp_tool_field *f, palp_vec3 x, const palp_tool_press *press) {
+    const palp_vec3 a = press->axis;
+    const palp_ball *tip = &press->tip;
+    palp_gap gap = gap_of_field(f, x);
+    float way = tip->radius_m - palp_dot(a, palp_sub(x, tip->center_m));
+    if (!(way > 0.0f) || palp_dot(gap.normal, a) > PALP_TOOL_AHEAD) return gap;
+    palp_gap out = gap;
+    for (uint32_t k = 1; k < PALP_TOOL_EXIT; k++) {
+        out = gap_of_field(f, palp_madd(x, way, a));
+        if (palp_abs(out.gap_m) < OUT * f->size_m) break;
+        way -= out.gap_m / palp_max(palp_dot(out.normal, a), LEAST_SLANT);
+    }
+    const bool met = palp_abs(out.gap_m) < PASSED * f->size_m && palp_dot(out.normal, a) > 0.0f;
+    return met ? gap_of_plane(out, way, a) : gap;
+}
+
+static palp_gap along_field(const palp_tool_field *f, palp_vec3 x, const palp_tool_press *press) {
+    if (press->sunk > 0.5f && press->tip.radius_m > 0.0f) return exit_by_tip(f, x, press);
+    const palp_tool_distance d = palp_tool_field_at(f, x);
+    return d.distance_m < 0.0f ? gap_of_exit(f, x, press->axis, d) : gap_of_distance(d);
+}
+
+palp_ball palp_tool_tip(const palp_tool_field *f, palp_vec3 e, palp_vec3 n) {
+    const float d = palp_tool_field_at(f, palp_madd(e, -f->size_m, n)).distance_m;
+    const float radius = palp_clamp(-d, LEAST_TIP * f->size_m, f->size_m);
+    return (palp_ball){palp_madd(e, -radius, n), radius};
+}
+
 palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
                              const palp_tool_press *press) {
     const palp_vec3 own = palp_carry_back(at, x);
+    palp_tool_press own_press = *press;
     palp_gap gap;
+    own_press.axis = palp_rotate_back(at->r, press->axis);
     if (tool->shape == PALP_TOOL_FIELD) {
-        const palp_tool_distance d = palp_tool_field_at(&tool->field, own);
-        gap = d.distance_m < 0.0f
-                  ? gap_of_exit(&tool->field, own, palp_rotate_back(at->r, press->axis), d)
-                  : gap_of_distance(d);
+        gap = along_field(&tool->field, own, &own_press);
     } else {
-        const palp_tool_press own_press = {palp_rotate_back(at->r, press->axis), press->whole,
-                                           press->sunk};
         gap = gap_of(tool, own);
         if (palp_tool_faces_back(tool, gap, &own_press))
             gap = gap_of_sides(tool, own, &own_press, gap);
@@ -542,6 +569,8 @@ float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
                (p->half_m[1] + p->edge_m) * palp_abs(palp_dot(d, p->axis[1])) +
                largest_height(p) * palp_abs(palp_dot(d, p->axis[2]));
     case PALP_TOOL_FIELD:
+        if (tool->field.extremes > 0u)
+            return palp_dot(d, palp_tool_field_extreme(&tool->field, d)) + tool->field.radius_m;
         middle = middle_of(&tool->field, &half);
         return palp_dot(d, middle) + half.x * palp_abs(d.x) + half.y * palp_abs(d.y) +
                half.z * palp_abs(d.z);
@@ -561,10 +590,11 @@ palp_vec3 palp_tool_core(const palp_cylinder *y, palp_vec3 down, palp_vec3 x) {
     return aside > LEVEL ? palp_madd(place, inner / aside, across) : place;
 }
 
-/* How far a ball that is nearest to x, or a cylinder, extends along d. */
-static float support_at(const palp_tool *tool, palp_vec3 x, palp_vec3 d) {
+/* How far the ball that is nearest to x, a cylinder, or the tip of a field extends along d. */
+static float support_at(const palp_tool *tool, const palp_ball *tip, palp_vec3 x, palp_vec3 d) {
     const palp_ball *nearest = &tool->ball[0];
     if (tool->shape == PALP_TOOL_CYLINDER) return palp_tool_support(tool, d);
+    if (tool->shape == PALP_TOOL_FIELD) return palp_dot(tip->center_m, d) + tip->radius_m;
     for (uint32_t i = 1; i < tool->balls; i++) {
         if (gap_of_ball(&tool->ball[i], x).gap_m < gap_of_ball(nearest, x).gap_m)
             nearest = &tool->ball[i];
@@ -577,12 +607,13 @@ palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_
     const float ahead = PALP_TOOL_FLARE, facing = palp_dot(gap.normal, press->axis);
     const palp_vec3 side = palp_madd(gap.normal, -facing, press->axis);
     const float aside = palp_norm(side);
-    if (facing >= ahead || !(share > 0.0f) || !(aside > 0.0f) || !palp_tool_flares(tool))
+    const bool known = tool->shape != PALP_TOOL_FIELD || press->tip.radius_m > 0.0f;
+    if (facing >= ahead || !(share > 0.0f) || !(aside > 0.0f) || !palp_tool_flares(tool) || !known)
         return gap;
     const palp_vec3 n = palp_madd(palp_scale(ahead, press->axis),
                                   palp_sqrt(1.0f - ahead * ahead) / aside, side);
     const palp_vec3 own = palp_carry_back(at, x), own_n = palp_rotate_back(at->r, n);
-    const float flared = palp_dot(own_n, own) - support_at(tool, own, own_n);
+    const float flared = palp_dot(own_n, own) - support_at(tool, &press->tip, own, own_n);
     const palp_vec3 mixed = palp_madd(gap.normal, share, palp_sub(n, gap.normal));
     return (palp_gap){gap.gap_m + share * (flared - gap.gap_m),
                       palp_scale(1.0f / palp_max(palp_norm(mixed), 0.05f), mixed)};

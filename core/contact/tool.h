@@ -118,6 +118,7 @@ palp_gap palp_tool_gap(const palp_tool *tool, const palp_frame *at, palp_vec3 x)
 typedef struct {
     palp_vec3 axis;
     float whole, sunk;
+    palp_ball tip; /* of a field: its part that is pressed, in its own axes; radius 0: not known */
 } palp_tool_press;
 
 /*
@@ -125,9 +126,8 @@ typedef struct {
  * deeper than a part of it is thick, as a ball deeper than its radius, the nearest side is not the one
  * that presses. So a place inside, or behind a ball or cylinder that has sunk in, looks for where the axis
  * leaves the tool, at e with the normal n, and is n . (x - e) from it: the more, the more the nearest
- * side faces back. In a field that holds as
- * long as it is less than PALP_TOOL_STEEP times the distance of the nearest side. Else, and for pads,
- * as palp_tool_gap. Cost: at most PALP_TOOL_EXIT evaluations of a field more, PALP_TOOL_OUT of
+ * side faces back. In a field that has not sunk in it holds as long as it is less than PALP_TOOL_STEEP
+ * times the distance of the nearest side. Else, and for pads, as palp_tool_gap. Cost: at most PALP_TOOL_EXIT evaluations of a field more, PALP_TOOL_OUT of
  * another tool.
  */
 palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
@@ -136,6 +136,10 @@ palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_v
 #define PALP_TOOL_EXIT 4u
 #define PALP_TOOL_AHEAD 0.4f /* of the axis to the nearest side: from there on that alone counts */
 #define PALP_TOOL_OUT 1u
+
+/* The part of a field that is pressed, as a ball that touches its surface from inside at e, where its normal
+ * is n; all in its own axes. Cost: an evaluation. */
+palp_ball palp_tool_tip(const palp_tool_field *field, palp_vec3 e, palp_vec3 n);
 
 /* Whether that differs from palp_tool_gap, for balls and cylinders. */
 static inline bool palp_tool_faces_back(const palp_tool *tool, palp_gap gap,
@@ -155,7 +159,7 @@ palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_
                               const palp_tool_press *press, palp_gap gap, float share);
 #define PALP_TOOL_FLARE 0.8f
 static inline bool palp_tool_flares(const palp_tool *tool) {
-    return tool->shape == PALP_TOOL_OF_BALLS || tool->shape == PALP_TOOL_CYLINDER;
+    return tool->shape != PALP_TOOL_PAD;
 }
 
 /* The place inside a cylinder that lies farthest along `down`, at its end or on its rim, before the rounding;
@@ -170,7 +174,7 @@ float palp_tool_extent(const palp_tool *tool);
 bool palp_tool_may_reach(const palp_tool *tool, palp_vec3 own, float reach_m);
 
 /* How far it extends from the reference point along a unit direction of its own axes (m); at most
- * by a box for pads and fields. */
+ * by a box for pads, and for fields without extremes. */
 float palp_tool_support(const palp_tool *tool, palp_vec3 own_direction);
 
 /* What of a turn changes how the tool lies: nothing of a ball's, nothing about a cylinder's axis. */

@@ -23,14 +23,36 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
     if (r.status != PALP_OK) return r.status;
     const int16_t *sample = palp_reader_section(&r, PALP_SEC_TOOL_SAMPLE, samples, sizeof *sample);
     if (sample == NULL) return r.status;
+    const float *extreme = NULL;
+    palp_reader_require(&r, m->extremes <= PALP_TOOL_EXTREMES);
+    if (m->extremes > 0u && r.status == PALP_OK)
+        extreme = palp_reader_section(&r, PALP_SEC_TOOL_EXTREME, m->extremes, 3u * sizeof *extreme);
+    for (uint32_t k = 0; extreme != NULL && k < 3u * m->extremes; k++) {
+        if (!palp_is_finite(extreme[k])) palp_reader_fail(&r, PALP_ERR_NOT_FINITE);
+    }
+    if (r.status != PALP_OK) return r.status;
     *field = (palp_tool_field){.sample = sample,
                                .count = {m->count[0], m->count[1], m->count[2]},
                                .origin_m = palp_vec3_at(m->origin_m),
                                .step_m = m->step_m,
                                .unit_m = m->unit_m,
                                .radius_m = m->radius_m,
-                               .size_m = m->size_m};
+                               .size_m = m->size_m,
+                               .extreme = extreme,
+                               .extremes = m->extremes};
     return PALP_OK;
+}
+
+palp_vec3 palp_tool_field_extreme(const palp_tool_field *f, palp_vec3 direction) {
+    palp_vec3 outermost = {0.0f, 0.0f, 0.0f};
+    float most = -1e30f;
+    for (uint32_t k = 0; k < f->extremes; k++) {
+        const palp_vec3 x = palp_vec3_at(f->extreme + 3u * (size_t)k);
+        if (palp_dot(x, direction) <= most) continue;
+        most = palp_dot(x, direction);
+        outermost = x;
+    }
+    return outermost;
 }
 
 void palp_tool_field_box(const palp_tool_field *f, palp_vec3 *low_m, palp_vec3 *high_m) {

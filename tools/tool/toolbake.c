@@ -265,6 +265,26 @@ static double largest_ball(const baking *b, double radius_m) {
     return fmax(-(double)b->field.unit_m * lowest, 0.5 * b->grid.step) + radius_m;
 }
 
+/* The vertices of the mesh that lie outermost in directions spread over the sphere, each once, as the device
+ * holds them; returns how many. */
+static uint32_t find_extremes(const mesh *m, const double reference[3],
+                              float extreme[PALP_TOOL_EXTREMES][3]) {
+    const double turn = 2.399963229728653; /* golden angle */
+    uint32_t vertex[PALP_TOOL_EXTREMES], count = 0;
+    for (uint32_t k = 0; k < PALP_TOOL_EXTREMES; k++) {
+        const double z = 1 - (2.0 * k + 1) / PALP_TOOL_EXTREMES, r = sqrt(1 - z * z);
+        const double d[3] = {r * cos(turn * k), r * sin(turn * k), z};
+        uint32_t best = 0, i = 0;
+        for (uint32_t v = 1; v < m->vertices; v++)
+            best = v_dot(m->x[v], d) > v_dot(m->x[best], d) ? v : best;
+        while (i < count && vertex[i] != best) i++;
+        if (i < count) continue;
+        for (int e = 0; e < 3; e++) extreme[count][e] = (float)(m->x[best][e] - reference[e]);
+        vertex[count++] = best;
+    }
+    return count;
+}
+
 uint8_t *tool_bake(const mesh *m, const tool_options *o, const uint8_t sha[32], tool_report *r,
                    size_t *bytes) {
     baking b = {.m = m};
@@ -297,9 +317,12 @@ uint8_t *tool_bake(const mesh *m, const tool_options *o, const uint8_t sha[32], 
         meta.origin_m[k] = (float)(b.grid.origin[k] - o->reference[k]);
     }
     memcpy(meta.mesh_sha256, sha, sizeof meta.mesh_sha256);
+    float extreme[PALP_TOOL_EXTREMES][3];
+    meta.extremes = find_extremes(m, o->reference, extreme);
     section_list l = {.count = 0};
     section_add(&l, PALP_SEC_TOOL, &meta, 1, sizeof meta);
     section_add(&l, PALP_SEC_TOOL_SAMPLE, b.sample, samples_of(&b.grid), sizeof *b.sample);
+    section_add(&l, PALP_SEC_TOOL_EXTREME, extreme, meta.extremes, sizeof extreme[0]);
     uint8_t *out = blob_assemble(l.entry, l.data, l.count, bytes);
     void *owned[] = {b.inside, b.distance, b.sample};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
