@@ -51,11 +51,19 @@ float palp_contact_energy(const palp_contact *c, float normal_N) {
     return normal_N > 0.0f ? c->energy_J * normal_N / all : 0.0f;
 }
 
+/* Whether other tools press as well. */
+static bool others_press(const palp_contact *c, const palp_contact_patch *patch) {
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        if (&c->patch[t] != patch && c->normal_N[t] > 0.0f) return patch->tool < c->tool_count;
+    }
+    return false;
+}
+
 /* What the body as a whole gives way grows with the force, and the force with the depth as in
  * Hertz' law: by 3/2 F dx / (work F dx is done against), from where the tool came to rest. */
 static float foreseen_share(const palp_contact *c, const palp_contact_patch *patch) {
     const float energy = palp_contact_energy(c, patch->normal_N);
-    if (!(energy > 0.0f)) return 0.0f;
+    if (!(energy > 0.0f)) return others_press(c, patch) ? 1.0f : 0.0f;
     if (patch->tool == PALP_CONTACT_TOOLS) return 1.0f; /* where zones meet goes with them */
     const uint32_t t = patch->tool;
     palp_vec3 moved = palp_sub(patch->at.t, c->rest[t].t);
@@ -64,7 +72,8 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     const palp_vec3 moment = palp_add(patch->push_Nm, c->beyond_Nm[t]);
     const float work =
         palp_dot(force, moved) + palp_dot(moment, palp_turn_between(c->rest[t].r, patch->at.r));
-    return palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
+    const float foreseen = palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
+    return foreseen;
 }
 
 /* Share of the cells that is asked for, so that there is room for the points of a deep contact: what
@@ -257,7 +266,9 @@ bool palp_contact_fill(palp_contact *c) {
                     3u * PALP_LATTICE_WATCHED * PALP_LATTICE_FAR_MODES;
     if (!(patch->normal_N > 0.0f) && !patch->lattice.placed) patch->bent = patch->lattice.bent;
     const bool begun = (flags & PALP_LATTICE_BEGUN) != 0u;
-    const bool missed = c->count == c->first && !begun && patch->normal_N > 0.0f;
+    /* what others have moved the body by is not taken back */
+    const bool missed = c->count == c->first && !begun && patch->normal_N > 0.0f &&
+                        !others_press(c, patch);
     bool again = ((flags & PALP_LATTICE_MOVED) != 0u || begun || missed) &&
                  ++c->fillings < PALP_LATTICE_FILLINGS;
     if (missed) {
@@ -374,14 +385,6 @@ static palp_vec3 at_corners(const palp_contact *c, uint32_t side, const palp_sur
     return h;
 }
 
-/* Whether other tools press as well. */
-static bool others_press(const palp_contact *c, const palp_contact_patch *patch) {
-    for (uint32_t t = 0; t < c->tool_count; t++) {
-        if (&c->patch[t] != patch && c->normal_N[t] > 0.0f) return patch->tool < c->tool_count;
-    }
-    return false;
-}
-
 /* Of several tools each sees the body where all of them had moved it: where it is thin, each answer would
  * turn the last one round. Half way there they agree. */
 static void follow_slowly(palp_far_field *f, const palp_far_field *before) {
@@ -417,9 +420,8 @@ static void find_far_field(palp_contact *c, palp_contact_patch *patch, uint32_t 
     patch->far_field = palp_far_field_fit(&far_field, patch->at.t);
     if (far_field.weight > 0.0f && before.fade > 0.0f && others_press(c, patch))
         follow_slowly(&patch->far_field, &before);
-    const float size = size_of(c, patch);
-    if (!(far_field.weight > 0.0f) && c->energy_J > 0.0f) /* others press: all is far from them */
-        patch->far_field.fade = 16.0f / (size * size);
+    if (!(far_field.weight > 0.0f) && c->energy_J > 0.0f && patch->tool < c->tool_count)
+        palp_contact_idle(c, patch);
     if (far_field.weight > 0.0f && c->assembly != NULL)
         patch->bent = palp_far_field_fit(&bent, patch->at.t);
 }

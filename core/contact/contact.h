@@ -109,6 +109,7 @@ typedef struct {
     uint32_t tool;        /* PALP_CONTACT_TOOLS: not a tool, */
     uint32_t body, other; /* but these two zones; points lie on the first */
     uint32_t before;      /* node of the other one near where they meet */
+    uint32_t near_body, near; /* of a tool that does not press: the node nearest to it */
     palp_frame at;        /* where the tool is taken to be; of two zones: where they met, */
     palp_vec3 met_m;      /* and that in the frame of the first */
     palp_lattice lattice;

@@ -41,6 +41,10 @@ void palp_contact_rest(palp_contact *contact, uint32_t tool);
 /* Empties the list of corners. */
 void palp_contact_forget_nodes(palp_contact *contact);
 
+/* Finds the far field before a tool that does not press, as others have moved the body, once the loads of a
+ * tick are known. Cost: a node, its neighbours and those that are watched, with all modes each. */
+void palp_contact_idle(palp_contact *contact, palp_contact_patch *patch);
+
 /* A triangle of a pair's second zone near where the two meet. */
 uint32_t palp_contact_other_triangle(const palp_contact *contact, const palp_contact_patch *patch);
 

@@ -294,6 +294,8 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     if (cost->zones > 0.0f)
         corners += cost->zones * (cost->solve + 4.0f * cost->unknowns * PRICE(cost, SEAM_MODE)) +
                    (6.0f * a + 3.0f * n) * felt(cost);
+    corners += cost->tools * (1.0f + cost->ring + (float)PALP_LATTICE_WATCHED) *
+               (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE) + PRICE(cost, TURN));
     float sum = cost->tools * PRICE(cost, FINISH) +
                 n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
                 1.25f * a * a * PRICE(cost, DISPLACE) + corners +

@@ -102,7 +102,8 @@ float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level l
  * a) a DOT + QUANTUM */
 float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
 
-/* palp_contact_finish: tools FINISH + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count
+/* palp_contact_finish: tools (FINISH + (max_ring + 1 + PALP_LATTICE_WATCHED) (CORNER + modes
+ * CORNER_MODE + TURN)) + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count
  * (DERIVATIVE + EVALUATION) + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction
  * + tools FRICTION + 2 (a (POINT + modes MODE_AT) + 2 a^2 DISPLACE + 3 count (CORNER + modes
  * CORNER_MODE)) */

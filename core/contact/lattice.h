@@ -22,6 +22,10 @@
  * (far_field.h; beyond its reach as the watched node nearest by), so d_i is what is left for the
  * contact's own neighbourhood. A sphere that is pressed deeper than 0.4 of its radius sends its
  * shots from behind its centre, so that they still meet the surface from above.
+ *
+ * A tool pressed deeper than it is thick has its surface partly behind its middle. On one region that looks
+ * against the axis its overlap is told by where the axis leaves the tool (palp_tool_gap_along), and its
+ * sides flare (palp_tool_gap_flared), so that what it has come over neither opens nor lets it through.
  */
 #ifndef PALP_CONTACT_LATTICE_H
 #define PALP_CONTACT_LATTICE_H

@@ -172,6 +172,19 @@ static void face(palp_contact *c, uint32_t i, palp_vec3 y) {
     if (s->stiffness_Nm_per_rad > 0.0f) c->target[i] += palp_dot(p->arm_m, c->turn_rad[t]);
 }
 
+static palp_vec3 field_at(const palp_far_field *f, palp_vec3 y) {
+    float gone;
+    return palp_add(f->mean_m, palp_far_field_beside(f, y, &gone));
+}
+
+/* What a new point is taken to have been displaced by, besides being bent: as its lattice has met it. */
+static palp_vec3 gone_with(const palp_contact *c, const palp_contact_point *p) {
+    const palp_contact_patch *patch = &c->patch[p->patch];
+    palp_vec3 u = field_at(&patch->lattice.used.far_field, p->y);
+    if (c->assembly != NULL) u = palp_sub(u, field_at(&patch->bent_field_used, p->y));
+    return palp_contact_inward(c, p->at.body, u);
+}
+
 /* What is asked of a point. */
 static void linearise(palp_contact *c, uint32_t i) {
     palp_contact_point *p = &c->point[i];
@@ -181,7 +194,7 @@ static void linearise(palp_contact *c, uint32_t i) {
     bool same;
     const palp_contact_point *last = last_of(c, p, &same);
     const bool here = last != NULL && last->at.body == body;
-    p->u_m = here ? last->u_m : (palp_vec3){0};
+    p->u_m = here ? last->u_m : pair ? (palp_vec3){0} : gone_with(c, p);
     p->active = last != NULL ? same && last->active : true;
     p->left_out = false;
     c->other_side[i] = 0;
