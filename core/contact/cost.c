@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/cost.h"
 
+#define FLARED 0.25f /* evaluations that palp_tool_gap_flared takes at most */
 #define RUNS 2.0f   /* the half-space between points that alternate between zones, over one run */
 #define BEGUN 30.0f /* sides: what rows of the seams take however few there are */
 #define LANES 7.0f  /* sides that fill a lane up, at most */
@@ -24,7 +25,7 @@ static void take_evaluation(palp_contact_presser *p, const palp_tool *tool,
     const bool pad = tool->shape == PALP_TOOL_PAD, field = tool->shape == PALP_TOOL_FIELD;
     p->evaluation = evaluation_of(tool, price);
     p->ways = field ? 1.0f + (float)PALP_TOOL_EXIT : pad ? 1.0f : 1.0f + (float)PALP_TOOL_OUT;
-    p->deep = p->ways * p->evaluation;
+    p->deep = (p->ways + FLARED) * p->evaluation;
 }
 
 /* Cells along one axis that a tool's box of half width `reach` may meet. */
