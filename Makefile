@@ -191,7 +191,7 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
 # The longest first: they run side by side.
-CHECKS := $(patsubst %,tests/check/%.sh,sanitize vm wcet same-bits static zwidth dynamic fuzz package reproduce solids shapes calculix dds finger logs realtime direct browser day)
+CHECKS := $(patsubst %,tests/check/%.sh,sanitize vm wcet same-bits static zwidth dynamic fuzz package reproduce embedded solids shapes calculix dds finger logs realtime direct browser day)
 check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours

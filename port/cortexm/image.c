@@ -4,7 +4,7 @@
  * joints go round (test_trajectory.h) until TICKS are done. Prints what the image takes, what its
  * ticks took, and a hash of every frame and force, which is the same on every machine.
  */
-#include "port/cortexm/semihost.h"
+#include "port/cortexm/print.h"
 #include "port/cortexm/test_trajectory.h"
 #include "port/cortexm/systick.h"
 
@@ -28,20 +28,7 @@ int main(void);
 
 static _Alignas(64) uint8_t memory[MEMORY_BYTES];
 static test_trajectory device;
-static uint64_t hash = 1469598103934665603ull;
-
-static void print_number(const char *before, uint64_t number, const char *after) {
-    char text[24];
-    uint32_t at = sizeof text - 1u;
-    text[at] = '\0';
-    do {
-        text[--at] = (char)('0' + number % 10u);
-        number /= 10u;
-    } while (number > 0u);
-    semihost_print(before);
-    semihost_print(text + at);
-    semihost_print(after);
-}
+static uint64_t hash = HASH_BEGIN;
 
 /* What a tick takes at most, in instructions, and how often a core at CORE_MHZ can do that with
  * CYCLES for each of them and a fifth of the period left over. */
@@ -63,20 +50,6 @@ static void print_bounds(const palp_blob *blob, const palp_servo_config *config)
     }
 }
 
-static void print_hash(void) {
-    static const char digit[] = "0123456789abcdef";
-    char line[23] = "hash ";
-    for (uint32_t i = 0; i < 16u; i++) line[5u + i] = digit[hash >> (60u - 4u * i) & 15u];
-    line[21] = '\n';
-    line[22] = '\0';
-    semihost_print(line);
-}
-
-static void mix(const void *data, uint32_t bytes) {
-    const uint8_t *p = data;
-    for (uint32_t i = 0; i < bytes; i++) hash = (hash ^ p[i]) * 1099511628211ull;
-}
-
 /* What is worth knowing of the ticks in which the force was on. */
 typedef struct {
     uint64_t ticks, sum, most, level[PALP_CONTACT_LEVELS], late, held;
@@ -95,8 +68,8 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
     uint32_t sent = palp_servo_tick(servo, &input, out, &r);
     uint64_t took = systick_instructions() - begun;
     trajectory_listen(&device, &config->device, out, sent);
-    for (uint32_t k = 0; k < sent; k++) mix(out[k].data, out[k].length);
-    mix(&r.force_N, sizeof r.force_N);
+    for (uint32_t k = 0; k < sent; k++) hash = hash_on(hash, out[k].data, out[k].length);
+    hash = hash_on(hash, &r.force_N, sizeof r.force_N);
     if (r.state != PALP_STATE_RUN) return;
     t->ticks++;
     t->sum += took;
@@ -155,6 +128,6 @@ int main(void) {
     }
     for (uint32_t i = 0; i < TICKS; i++) one_tick(servo, &config, i, &t);
     print_tally(&t);
-    print_hash();
+    print_hash(hash);
     return 0;
 }

@@ -33,6 +33,7 @@ static const struct {
     {"replay", command_replay, "re-run a recorded session bit for bit"},
     {"report", command_report, "draw a recorded session: one self-contained HTML page"},
     {"play", command_play, "move a multizone model along a scene, in bounded time"},
+    {"embed", command_embed, "a scene as C source, for controllers without files"},
     {"zwidth", command_zwidth, "the largest stable stiffness against rate, delay and damping"},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])
