@@ -149,19 +149,24 @@ void palp_impose_begin(palp_impose *p, const palp_frame *to) {
 
 /* ---- steps ---- */
 
+/* Whether a corner of a point moves. */
+static bool moves(const palp_dyna *d, const palp_imposed *s, uint32_t k) {
+    return d->state[s->node[k]] == PALP_ACTIVE && !palp_dyna_pinned(d, s->node[k]);
+}
+
 /* Moves the nodes of a point by -n delta, takes the speed `rate` along n from them, and hands their
  * push along n over; returns it (N s). */
 static float yield(palp_dyna *d, const palp_imposed *s, float delta, float rate) {
     float push = 0.0f;
     for (uint32_t k = 0; k < 4u; k++) {
-        if (d->state[s->node[k]] != PALP_ACTIVE || palp_dyna_pinned(d, s->node[k])) continue;
+        if (!moves(d, s, k)) continue;
         const float *p = d->impulse_Ns + 3u * (size_t)s->node[k];
         push += s->weight[k] * palp_dot(palp_vec3_at(p), s->n);
     }
     push = palp_max(push * s->per_w2, 0.0f);
     const float n[3] = {s->n.x, s->n.y, s->n.z};
     for (uint32_t k = 0; k < 4u; k++) {
-        if (d->state[s->node[k]] != PALP_ACTIVE || palp_dyna_pinned(d, s->node[k])) continue;
+        if (!moves(d, s, k)) continue;
         size_t at = 3u * (size_t)s->node[k];
         float share = s->weight[k] * s->per_w2;
         for (uint32_t a = 0; a < 3u; a++) {
@@ -179,7 +184,41 @@ typedef struct {
     palp_vec3 v_m_s, w_rad_s;
 } tool_motion;
 
-static void press(palp_impose *p, const palp_imposed *s, const tool_motion *tool, float most_m) {
+static palp_vec3 across(palp_vec3 v, palp_vec3 n) { return palp_madd(v, -palp_dot(v, n), n); }
+
+/* Friction's impulse on the body at a point that is pushed by `push`, against a tool that moves with
+ * `there`; given to its nodes. */
+static palp_vec3 rub(palp_impose *p, const palp_imposed *s, float push, palp_vec3 there, float dt_s) {
+    palp_dyna *d = p->dyna;
+    const palp_tool *tool = &p->tools[s->tool];
+    palp_vec3 v = {0.0f, 0.0f, 0.0f};
+    float answer = 0.0f, per_mass[4] = {0.0f};
+    for (uint32_t k = 0; k < 4u; k++) {
+        v = palp_madd(v, s->weight[k], palp_vec3_at(d->v_m_s + 3u * (size_t)s->node[k]));
+        if (!moves(d, s, k)) continue;
+        per_mass[k] = palp_dyna_per_mass(d, s->node[k], dt_s);
+        answer += s->weight[k] * s->weight[k] * per_mass[k];
+    }
+    palp_vec3 impulse = palp_scale(-1.0f / palp_max(answer, 1e-20f), across(palp_sub(v, there), s->n));
+    const bool slides = palp_norm(impulse) > tool->friction * push;
+    if (slides) impulse = palp_at_most(impulse, palp_tool_sliding(tool) * push);
+    *(slides ? &p->slid[s->tool] : &p->stuck[s->tool]) += 1u;
+    for (uint32_t k = 0; k < 4u; k++) {
+        const palp_vec3 more = palp_scale(s->weight[k] * per_mass[k], impulse);
+        const float dv[3] = {more.x, more.y, more.z}, j[3] = {impulse.x, impulse.y, impulse.z};
+        float *at_v = d->v_m_s + 3u * (size_t)s->node[k], *at_u = d->u_m + 3u * (size_t)s->node[k];
+        float *at_p = d->impulse_Ns + 3u * (size_t)s->node[k];
+        for (uint32_t a = 0; a < 3u && per_mass[k] > 0.0f; a++) {
+            at_v[a] += dv[a];
+            at_u[a] += dt_s * dv[a];
+            at_p[a] += s->weight[k] * j[a];
+        }
+    }
+    return impulse;
+}
+
+static void press(palp_impose *p, const palp_imposed *s, const tool_motion *tool, float most_m,
+                  float dt_s) {
     palp_dyna *d = p->dyna;
     palp_vec3 x = s->rest_m, v = {0.0f, 0.0f, 0.0f};
     for (uint32_t k = 0; k < 4u; k++) {
@@ -193,8 +232,11 @@ static void press(palp_impose *p, const palp_imposed *s, const tool_motion *tool
     float delta = palp_min(at.depth_m, most_m); /* the paper: gradually */
     float rate = palp_max(palp_dot(s->n, v) - palp_dot(at.push, there), 0.0f);
     float push = yield(d, s, delta, rate);
-    p->impulse_Ns[s->tool] = palp_madd(p->impulse_Ns[s->tool], push, at.push);
-    p->impulse_Nms[s->tool] = palp_madd(p->impulse_Nms[s->tool], push, palp_cross(arm, at.push));
+    palp_vec3 on_tool = palp_scale(push, at.push);
+    if (p->tools[s->tool].friction > 0.0f && push > 0.0f)
+        on_tool = palp_sub(on_tool, rub(p, s, push, there, dt_s));
+    p->impulse_Ns[s->tool] = palp_add(p->impulse_Ns[s->tool], on_tool);
+    p->impulse_Nms[s->tool] = palp_add(p->impulse_Nms[s->tool], palp_cross(arm, on_tool));
     p->pressed[s->skin] |= (uint8_t)(1u << s->tool);
     p->inside++;
 }
@@ -218,7 +260,10 @@ void palp_impose_step(palp_impose *p, uint32_t s, uint32_t steps) {
         tool[t] = motion_at(p, t, (float)(s + 1u) / (float)steps, s + 1u == steps);
     const float most_m = PALP_IMPOSE_SPEED * p->dyna->config.tick_s / (float)steps;
     p->inside = 0;
-    for (uint32_t i = 0; i < p->count; i++) press(p, &p->point[i], &tool[p->point[i].tool], most_m);
+    const float dt_s = p->dyna->config.tick_s / (float)steps;
+    for (uint32_t t = 0; t < p->tool_count; t++) p->slid[t] = p->stuck[t] = 0;
+    for (uint32_t i = 0; i < p->count; i++)
+        press(p, &p->point[i], &tool[p->point[i].tool], most_m, dt_s);
 }
 
 void palp_impose_end(const palp_impose *impose, palp_wrench *on_tool) {

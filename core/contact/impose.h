@@ -5,8 +5,11 @@
  * Skin vertices inside a tool are moved out along their normals, and with them the active nodes
  * that they are embedded in; what the elements push those nodes with goes to the tool instead, at
  * every step. Vertices are taken one after the other, each seeing what the ones before it have
- * left, so that a node shared by several vertices is not counted twice. Contact only pushes,
- * without friction.
+ * left, so that a node shared by several vertices is not counted twice. Contact only pushes.
+ *
+ * Friction: with v the speed of a vertex across its normal against the tool, and 1 / m its answer to an impulse,
+ * the tool gives it the impulse - m v, which lets it stick, or where that is more than mu of the push
+ * along the normal, as much of it as sliding gives: mu' of the push. So it never drives a vertex on.
  *
  * A tool goes straight from where it was to where its device is in the course of a tick, and turns
  * evenly, no faster than PALP_IMPOSE_SPEED at its far end: a reading that jumps does not shoot
@@ -21,6 +24,7 @@
 #include "core/contact/tool.h"
 
 #define PALP_IMPOSE_SPEED 2.0f      /* m/s */
+#define PALP_IMPOSE_RUBS 1.6f       /* cost of a point with friction, over one without */
 #define PALP_IMPOSE_NARROW_TESTS 8u /* narrow-phase tests per tick, times max_points */
 
 typedef struct {
@@ -46,7 +50,8 @@ typedef struct {
     palp_vec3 impulse_Ns[PALP_CONTACT_TOOLS];  /* on the tools, in this tick, */
     palp_vec3 impulse_Nms[PALP_CONTACT_TOOLS]; /* and its moment about the reference point */
     uint32_t narrow_tests;                     /* narrow-phase tests left in this tick */
-    uint32_t inside;                           /* points that were moved in the last step */
+    uint32_t inside;                           /* points that were moved in the last step, */
+    uint32_t slid[PALP_CONTACT_TOOLS], stuck[PALP_CONTACT_TOOLS]; /* and of those, by friction */
     uint64_t overflow; /* vertices that had no room among the points, so far */
 } palp_impose;
 
@@ -74,7 +79,7 @@ void palp_impose_begin(palp_impose *impose, const palp_frame *to);
 /* A tool is there without having gone there: put down, or taken away. */
 void palp_impose_place(palp_impose *impose, uint32_t tool, const palp_frame *at);
 
-/* After palp_dyna_move in step s of `steps`. Cost: 100 per point, and the tool's. */
+/* After palp_dyna_move in step s of `steps`. Cost: 100 per point, 100 more with friction, and the tool's. */
 void palp_impose_step(palp_impose *impose, uint32_t s, uint32_t steps);
 
 /* After the last step: force on each tool and moment about its reference point, the mean over the

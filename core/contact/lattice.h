@@ -99,7 +99,9 @@ typedef struct {
 /* As a place with the normal n at rest sees it: one that looks aside is not come over. */
 static inline palp_tool_press palp_lattice_press(const palp_lattice_state *state, palp_vec3 n) {
     const float faces = palp_clamp(-2.0f * palp_dot(n, state->axis) - 1.0f, 0.0f, 1.0f);
-    return (palp_tool_press){state->axis, faces * state->whole, faces * state->sunk, state->tip};
+    const palp_tool_press press = {state->axis, faces * state->whole, faces * state->sunk,
+                                   state->tip};
+    return press;
 }
 
 /* A node beyond the reach of the contact that the tool may come to touch, and what the largest

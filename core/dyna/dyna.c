@@ -258,17 +258,21 @@ void palp_dyna_forces(palp_dyna *d, uint32_t s, uint32_t steps) {
     palp_dyna_hand_back(d);
 }
 
+float palp_dyna_per_mass(const palp_dyna *d, uint32_t n, float dt) {
+    float own = palp_max(2.0f * d->config.tick_s / (float)(1u << d->duty[n]), dt);
+    float grown = SAFETY * d->stretch[n] * d->stiffness_ratio[n] * own;
+    float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
+    return 1.0f / palp_max(d->mass_kg[n], filter);
+}
+
 void palp_dyna_move(palp_dyna *d, uint32_t steps) {
-    const float tick = d->config.tick_s, dt = tick / (float)steps;
+    const float dt = d->config.tick_s / (float)steps;
     const float slower = palp_max(1.0f - dt * d->config.material.drag_per_s, 0.0f);
     const palp_vec3 g = palp_scale(dt, d->config.gravity_m_s2);
     for (uint32_t i = 0; i < d->active_count; i++) {
         uint32_t n = d->active[i];
         if (palp_dyna_pinned(d, n)) continue;
-        float own = palp_max(2.0f * tick / (float)(1u << d->duty[n]), dt);
-        float grown = SAFETY * d->stretch[n] * d->stiffness_ratio[n] * own;
-        float filter = grown * (own * d->j_N_per_m[n] + 2.0f * d->c_N_s_per_m[n]);
-        float per_mass = 1.0f / palp_max(d->mass_kg[n], filter);
+        float per_mass = palp_dyna_per_mass(d, n, dt);
         float overstretched = palp_max(d->stretch[n] * (1.0f / OVERSTRETCHED), 1.0f);
         float stay = slower * palp_min(d->overstretched[n] / overstretched, 1.0f);
         d->overstretched[n] = overstretched;

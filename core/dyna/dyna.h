@@ -115,6 +115,9 @@ void palp_dyna_forces(palp_dyna *dyna, uint32_t s, uint32_t steps);
 /* Active nodes move: v += impulse / max(m, filter) + g dt, u += v dt. */
 void palp_dyna_move(palp_dyna *dyna, uint32_t steps);
 
+/* 1 / max(m, filter) of a node in a step of dt_s. */
+float palp_dyna_per_mass(const palp_dyna *dyna, uint32_t node, float dt_s);
+
 /* Interface nodes follow. */
 void palp_dyna_interpolate(palp_dyna *dyna);
 

@@ -219,7 +219,8 @@ static void dynamic_tick(palp_body *b, uint64_t start_ns, const palp_body_tool *
         felt[t].held_J = held_J;
         felt[t].touching = b->proxy[t].touching;
         felt[t].found = b->proxy[t].placed;
-        felt[t].slipping = b->proxy[t].touching; /* without friction */
+        felt[t].slipping = d->impose.slid[t] > 0u && d->impose.stuck[t] == 0u;
+        if (!(d->config.tools[t].friction > 0.0f)) felt[t].slipping = b->proxy[t].touching;
     }
     const palp_dynamic_report *r = &report->dynamic;
     report->level = finest_active(r, d->config.tets->meta->levels);

@@ -78,11 +78,19 @@ static float cost_search(const palp_dynamic *d) {
            (float)PALP_IMPOSE_NARROW_TESTS * points * (PRICE(d, NARROW) + PRICE(d, ROOM) * points);
 }
 
+/* Of one point in one step. */
+static float cost_imposed(const palp_dynamic *d) {
+    bool rubs = false;
+    for (uint32_t t = 0; t < d->config.tool_count; t++)
+        rubs = rubs || d->config.tools[t].friction > 0.0f;
+    return (rubs ? PALP_IMPOSE_RUBS : 1.0f) * PRICE(d, IMPOSED);
+}
+
 static float cost_steps(const palp_dynamic *d, float steps) {
     const palp_dyna *b = &d->dyna;
     return steps * (PRICE(d, NODE_STEP) * (float)b->active_count +
                     PRICE(d, SOURCE) * (float)b->interpolation_terms +
-                    PRICE(d, IMPOSED) * (float)d->config.max_points);
+                    cost_imposed(d) * (float)d->config.max_points);
 }
 
 static float cost_lists(const palp_dynamic *d) {
@@ -119,7 +127,7 @@ float palp_dynamic_cost_least(const palp_dynamic *d) {
     float after = palp_max(palp_dynamic_cost_adapt(d), cost_collapse(d));
     return PRICE(d, TICK) + cost_search(d) + PRICE(d, ELEMENT) * tets +
            PRICE(d, NODE_STEP) * (float)m->first_node[1] + PRICE(d, NODE_TICK) * (float)m->nodes +
-           PRICE(d, IMPOSED) * (float)d->config.max_points +
+           cost_imposed(d) * (float)d->config.max_points +
            PRICE(d, SOURCE) * 4.0f * (float)m->nodes + after;
 }
 

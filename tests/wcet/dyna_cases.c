@@ -51,7 +51,8 @@ static void count_steps(cases *c, poked *p, uint32_t most_class) {
         set(&f, PALP_WORK_ELEMENT, due_in(d, s, steps));
         set(&f, PALP_WORK_NODE_STEP, d->active_count);
         set(&f, PALP_WORK_SOURCE, d->interpolation_terms);
-        set(&f, PALP_WORK_IMPOSED, p->body.impose.count);
+        const float each = p->tool.friction > 0.0f ? PALP_IMPOSE_RUBS : 1.0f;
+        set(&f, PALP_WORK_IMPOSED, (uint32_t)(each * (float)p->body.impose.count));
         uint64_t before = instructions();
         palp_dyna_forces(d, s, steps);
         palp_dyna_move(d, steps);
@@ -95,6 +96,7 @@ void cases_of_dyna(cases *c, const palp_tets *tets, uint64_t seed, uint32_t epis
         p->tool =
             palp_tool_sphere(tets->meta->diagonal_m *
                              (dice_below(&d, 3) == 0u ? 0.6f : 0.08f + 0.07f * dice_float(&d)));
+        p->tool.friction = e % 2u == 1u ? 0.3f : 0.0f;
         palp_dynamic_config config = {.tets = tets,
                                       .material = palp_material_of(4e3f, 0.4f, 1000, 3e-4f, 5),
                                       .adapt = palp_adapt_defaults(tets),
