@@ -24,7 +24,7 @@
 #include "core/contact/tool.h"
 
 #define PALP_IMPOSE_SPEED 2.0f      /* m/s */
-#define PALP_IMPOSE_RUBS 1.6f       /* cost of a point with friction, over one without */
+#define PALP_IMPOSE_RUBS 2.0f       /* cost of a point with friction, over one without */
 #define PALP_IMPOSE_NARROW_TESTS 8u /* narrow-phase tests per tick, times max_points */
 
 typedef struct {
