@@ -84,6 +84,16 @@ ok $? "a hand that keeps still feels the body come: $(most lift 0) N"
 hand opening '0 0 0 0.02 0 0 0 0\n0.5 0 0 0.02 0 0 0 0\n1 0 0 0.02 0 0 0 30\n2 0 0 0.02 0 0 0 30\n'
 scene follow 'rate 500|seconds 2|body chain.palp|follow ab 0 6 1|device arm7-palp-fd|hand opening.hand|place 0.05 0.01 0.02|tool ball 0.005'
 run follow "a joint that follows an axis"
+hand dwell '0 0 0 0.02\n0.5 0 0 0.02\n1 0 0 -0.004\n60 0 0 -0.004\n'
+scene listen 'rate 500|seconds 3|body chain.palp|pose 1 ab 0|pose 2 ab 0.2|pose 2.5 ab 0.2|listen ab 0 0x3a0|device arm3|hand dwell.hand|place 0.05 0.01 0.02|tool ball 0.005'
+run listen "a joint that follows frames of another controller"
+grep -q '^joint  *ab: 300 set-points in frames 0x3a0 on loop, .* stands at 0.2$' listen.txt
+ok $? "$(grep '^joint  *ab' listen.txt)"
+sed '/^pose/d;s/0x3a0/0x12345 4 1/' listen.scene > silent.scene
+$palpd silent.scene --no-wait $fast > silent.txt 2> silent.err && grep -q 'palpd: joint ab: no set-point came in frames 0x12345' silent.err
+ok $? "$(cat silent.err)"
+[ "$(grep -c ' loop 3A0#' listen.log)" -eq 300 ] && awk -F, 'NR > 1 {f = sqrt($9^2 + $10^2 + $11^2); if ($1 > 0.9 && $1 < 1) a = f; if ($1 > 2.4 && $1 < 2.5) b = f} END {printf "%.3g N before, %.3g N after it has moved\n", a, b; d = b - a; if (d < 0) d = -d; exit !(d > 0.02)}' listen.csv > felt.txt
+ok $? "frames are in the log, and felt: $(cat felt.txt)"
 
 # ---- a gripper holds a body ----
 hand close '0 0 0 0 0 0 0 70\n0.4 0 0 0 0 0 0 70\n1 0 0 0 0 0 0 5\n2.5 0 0 0 0 0 0 5\n'
@@ -125,7 +135,6 @@ check(line("end") == "ok", "end")
 PYTHON
 small_body hard.palp 6e4
 head -c 3000 body.palp > broken.palp
-hand dwell '0 0 0 0.02\n0.5 0 0 0.02\n1 0 0 -0.004\n60 0 0 -0.004\n'
 $palpd body.palp --bus loop --device arm3 --seconds 60 --hand dwell.hand --control socket $fast > live.txt 2> live.err &
 daemon=$!
 python3 ask.py > asked.txt 2>&1
@@ -185,6 +194,10 @@ wrong 'has no joints' "body body.palp|pose 0 knee 1|device arm3|tool ball"
 wrong "no joint named 'knee'" "body chain.palp|pose 0 knee 1|device arm3|tool ball"
 wrong 'out of its range' "body chain.palp|pose 0 ab 3|device arm3|tool ball"
 wrong 'is on a track' "body chain.palp|pose 0 ab 0|follow ab 0 0 1|device arm3|tool ball"
+wrong 'come from node 1' 'body chain.palp|listen ab 0 0x21|device arm3|tool ball'
+wrong 'byte 6 needs' 'body chain.palp|listen ab 0 0x3a0 6|device arm3|tool ball'
+wrong 'is no id' 'body chain.palp|listen ab 0 0x3fffffff|device arm3|tool ball'
+wrong 'already' 'body chain.palp|listen ab 0 0x3a0|follow ab 0 0 1|device arm3|tool ball'
 wrong '3 axes' "body chain.palp|follow ab 0 6 1|device arm3|tool ball"
 wrong 'has no gripper' "$base|jaw 0.5"
 wrong 'was baked into it' "body body.palp|young 1e4|device arm3|tool ball"
