@@ -288,8 +288,9 @@ typedef struct {
     float size_m;      /* radius of the largest ball inside */
     float error_max_m; /* of the distance on the surface, measured by bake */
     uint8_t mesh_sha256[32];
-    uint32_t extremes; /* up to PALP_TOOL_EXTREMES */
-    uint32_t reserved[11];
+    uint32_t extremes;  /* up to PALP_TOOL_EXTREMES */
+    float extreme_off_m; /* how much farther the mesh reaches than any of them, at most */
+    uint32_t reserved[10];
 } palp_tool_meta;
 
 #define PALP_TOOL_EXTREMES 64u

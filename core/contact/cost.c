@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/cost.h"
 
-#define FLARED 0.25f /* evaluations that palp_tool_gap_flared takes at most */
+#define FLARED 1.0f /* evaluations that palp_tool_gap_flared takes at most */
+#define GONE 2.0f   /* far fields that a new point is asked, at most */
 #define RUNS 2.0f   /* the half-space between points that alternate between zones, over one run */
 #define BEGUN 30.0f /* sides: what rows of the seams take however few there are */
 #define LANES 7.0f  /* sides that fill a lane up, at most */
@@ -103,7 +104,6 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     const palp_zones *z = assembly->zones;
     palp_contact_cost c = {.price = *price, .tools = (float)tool_count};
     palp_contact_presser *pair = &c.presser[PALP_CONTACT_TOOLS];
-    pair->ways = 1.0f;
     float modes = 0.0f, reach[PALP_CONTACT_TOOLS] = {0};
     for (uint32_t i = 0; i < z->meta->zones; i++) {
         for (uint32_t t = 0; t < tool_count; t++)
@@ -122,6 +122,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         c.modes = b->regular.modes > c.modes ? b->regular.modes : c.modes;
         modes = palp_max(modes, palp_assembly_modes(assembly, i));
     }
+    pair->ways = 1.0f;
     for (uint32_t t = 0; t < tool_count; t++) {
         take_evaluation(&c.presser[t], &tools[t], price);
         count_visits(&c.presser[t], &tools[t]);
@@ -239,7 +240,8 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
                                uint32_t count) {
     const float n = (float)count, between = others(cost, level, count), sides = n + between;
     const float side = 3.0f * PRICE(cost, CORNER) + (float)level.modes * PRICE(cost, MODE_AT);
-    const float sum = n * (PRICE(cost, POINT) + cost->deep) + sides * side;
+    const float sum =
+        n * (PRICE(cost, POINT) + cost->deep + GONE * PRICE(cost, FAR_FIELD)) + sides * side;
     if (!(cost->zones > 0.0f)) return sum;
     return sum +
            sides *

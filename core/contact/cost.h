@@ -84,7 +84,7 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
  *              up to 7 sides in contact more for each body but the first: they fill whole lanes
  */
 
-/* palp_contact_points: count (POINT + EVALUATION + modes MODE_AT + 3 CORNER) */
+/* palp_contact_points: count (POINT + ways EVALUATION + 2 FAR_FIELD + modes MODE_AT + 3 CORNER) */
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count);
 

@@ -175,7 +175,9 @@ static point_slopes slopes_of(const palp_contact *c, const palp_contact_point *p
     float gone; /* beyond the reach; what watched nodes say hardly turns the normal */
     palp_vec3 y = palp_add(p->y, palp_far_field_beside(far_field, p->y, &gone));
     const palp_tool_press press = palp_lattice_press(&l->used, p->n);
-    z.out = palp_tool_gap_along(&c->tools[patch->tool], &at, y, &press).normal;
+    const palp_tool *tool = &c->tools[patch->tool];
+    const palp_gap gap = palp_tool_gap_along(tool, &at, y, &press);
+    z.out = palp_tool_gap_flared(tool, &at, y, &press, gap, press.sunk).normal;
     z.arm_m = palp_sub(y, at.t);
     z.out_q = where_it_is(
         c, p, z.dy_dq,

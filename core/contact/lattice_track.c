@@ -114,7 +114,7 @@ static float following(float length) {
     return palp_clamp((length - APART) / (GATHERED - APART), SLOWEST, 1.0f);
 }
 
-/* How far a ball or cylinder is pressed deeper than it is thick. */
+/* How far a tool that flares is pressed deeper than it is thick. */
 static float sunk(const palp_lattice_room *r, float deepest_m) {
     if (r->other.surface != NULL || !palp_tool_flares(r->tool)) return 0.0f;
     const bool cylinder = r->tool->shape == PALP_TOOL_CYLINDER;

@@ -456,7 +456,7 @@ static palp_gap exit_by_tip(const palp_tool_field *f, palp_vec3 x, const palp_to
     palp_gap out = gap;
     for (uint32_t k = 1; k < PALP_TOOL_EXIT; k++) {
         out = gap_of_field(f, palp_madd(x, way, a));
-        if (palp_abs(out.gap_m) < OUT * f->size_m) break;
+        if (palp_abs(out.gap_m) < OUT * f->size_m || k + 1u == PALP_TOOL_EXIT) break;
         way -= out.gap_m / palp_max(palp_dot(out.normal, a), LEAST_SLANT);
     }
     const bool met = palp_abs(out.gap_m) < PASSED * f->size_m && palp_dot(out.normal, a) > 0.0f;
@@ -570,7 +570,8 @@ float palp_tool_support(const palp_tool *tool, palp_vec3 d) {
                largest_height(p) * palp_abs(palp_dot(d, p->axis[2]));
     case PALP_TOOL_FIELD:
         if (tool->field.extremes > 0u)
-            return palp_dot(d, palp_tool_field_extreme(&tool->field, d)) + tool->field.radius_m;
+            return palp_dot(d, palp_tool_field_extreme(&tool->field, d)) +
+                   tool->field.extreme_off_m + tool->field.radius_m;
         middle = middle_of(&tool->field, &half);
         return palp_dot(d, middle) + half.x * palp_abs(d.x) + half.y * palp_abs(d.y) +
                half.z * palp_abs(d.z);
@@ -590,16 +591,11 @@ palp_vec3 palp_tool_core(const palp_cylinder *y, palp_vec3 down, palp_vec3 x) {
     return aside > LEVEL ? palp_madd(place, inner / aside, across) : place;
 }
 
-/* How far the ball that is nearest to x, a cylinder, or the tip of a field extends along d. */
-static float support_at(const palp_tool *tool, const palp_ball *tip, palp_vec3 x, palp_vec3 d) {
-    const palp_ball *nearest = &tool->ball[0];
+/* How far a ball, a cylinder or the tip of a field extends along d. */
+static float support_of(const palp_tool *tool, const palp_ball *tip, palp_vec3 d) {
     if (tool->shape == PALP_TOOL_CYLINDER) return palp_tool_support(tool, d);
-    if (tool->shape == PALP_TOOL_FIELD) return palp_dot(tip->center_m, d) + tip->radius_m;
-    for (uint32_t i = 1; i < tool->balls; i++) {
-        if (gap_of_ball(&tool->ball[i], x).gap_m < gap_of_ball(nearest, x).gap_m)
-            nearest = &tool->ball[i];
-    }
-    return palp_dot(nearest->center_m, d) + nearest->radius_m;
+    const palp_ball *ball = tool->shape == PALP_TOOL_FIELD ? tip : &tool->ball[0];
+    return palp_dot(ball->center_m, d) + ball->radius_m;
 }
 
 palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
@@ -613,7 +609,7 @@ palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_
     const palp_vec3 n = palp_madd(palp_scale(ahead, press->axis),
                                   palp_sqrt(1.0f - ahead * ahead) / aside, side);
     const palp_vec3 own = palp_carry_back(at, x), own_n = palp_rotate_back(at->r, n);
-    const float flared = palp_dot(own_n, own) - support_at(tool, &press->tip, own, own_n);
+    const float flared = palp_dot(own_n, own) - support_of(tool, &press->tip, own_n);
     const palp_vec3 mixed = palp_madd(gap.normal, share, palp_sub(n, gap.normal));
     return (palp_gap){gap.gap_m + share * (flared - gap.gap_m),
                       palp_scale(1.0f / palp_max(palp_norm(mixed), 0.05f), mixed)};

@@ -135,7 +135,7 @@ palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_v
 #define PALP_TOOL_STEEP 3.0f
 #define PALP_TOOL_EXIT 4u
 #define PALP_TOOL_AHEAD 0.4f /* of the axis to the nearest side: from there on that alone counts */
-#define PALP_TOOL_OUT 1u
+#define PALP_TOOL_OUT 2u
 
 /* The part of a field that is pressed, as a ball that touches its surface from inside at e, where its normal
  * is n; all in its own axes. Cost: an evaluation. */
@@ -150,7 +150,7 @@ static inline bool palp_tool_faces_back(const palp_tool *tool, palp_gap gap,
 }
 
 /*
- * What the sides of a ball or cylinder are to a place that it has come over, with its `gap`: a cone that
+ * What the sides of one ball, a cylinder or a field are to a place that it has come over, with its `gap`: a cone that
  * touches them where their normal has PALP_TOOL_FLARE of the axis, by this share. Points of a
  * soft surface that has been pressed deep would else go aside, and let the tool through. Cost: as an
  * evaluation.
@@ -159,7 +159,7 @@ palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_
                               const palp_tool_press *press, palp_gap gap, float share);
 #define PALP_TOOL_FLARE 0.8f
 static inline bool palp_tool_flares(const palp_tool *tool) {
-    return tool->shape != PALP_TOOL_PAD;
+    return tool->shape == PALP_TOOL_OF_BALLS ? tool->balls == 1u : tool->shape != PALP_TOOL_PAD;
 }
 
 /* The place inside a cylinder that lies farthest along `down`, at its end or on its rim, before the rounding;

@@ -28,8 +28,11 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
     if (m->extremes > 0u && r.status == PALP_OK)
         extreme = palp_reader_section(&r, PALP_SEC_TOOL_EXTREME, m->extremes, 3u * sizeof *extreme);
     for (uint32_t k = 0; extreme != NULL && k < 3u * m->extremes; k++) {
-        if (!palp_is_finite(extreme[k])) palp_reader_fail(&r, PALP_ERR_NOT_FINITE);
+        const float from = extreme[k] - m->origin_m[k % 3u];
+        palp_reader_require(&r, from >= 0.0f &&
+                                    from <= m->step_m * (float)(m->count[k % 3u] - 1u));
     }
+    palp_reader_require(&r, m->extreme_off_m >= 0.0f && palp_is_finite(m->extreme_off_m));
     if (r.status != PALP_OK) return r.status;
     *field = (palp_tool_field){.sample = sample,
                                .count = {m->count[0], m->count[1], m->count[2]},
@@ -39,7 +42,8 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
                                .radius_m = m->radius_m,
                                .size_m = m->size_m,
                                .extreme = extreme,
-                               .extremes = m->extremes};
+                               .extremes = m->extremes,
+                               .extreme_off_m = m->extreme_off_m};
     return PALP_OK;
 }
 

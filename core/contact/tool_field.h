@@ -28,6 +28,7 @@ typedef struct {
     const float *extreme; /* [extremes][3] places of the mesh, of which one lies outermost in each direction,
                              but for little; none in files of before */
     uint32_t extremes;
+    float extreme_off_m; /* the little */
 } palp_tool_field;
 
 /* A distance and its gradient, in the tool's own axes. */

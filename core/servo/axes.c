@@ -119,8 +119,12 @@ void palp_axes_take(palp_device_axes *axes, const palp_device *device, const pal
         palp_joint_age(&axes->joint[i], input->periods, dt_s);
         axes->drive[i].status_age += input->periods - 1u;
     }
-    for (uint32_t f = 0; f < input->count; f++)
-        take_frame(axes, device, &input->frames[f], input->strict, counters);
+    for (uint32_t f = 0; f < input->count; f++) {
+        if ((input->heard >> f & 1u) != 0u)
+            counters->accepted++;
+        else
+            take_frame(axes, device, &input->frames[f], input->strict, counters);
+    }
     for (uint32_t i = 0; i < axes->count; i++) {
         if (axes->joint[i].age == 0u) palp_joint_velocity(&axes->joint[i], &axes->limits[i], dt_s);
         palp_joint_update_belief(&axes->joint[i], &axes->limits[i]);

@@ -44,6 +44,7 @@ void palp_axes_unhome(palp_device_axes *axes, const palp_device *device);
 /* What a tick that comes `periods` after the last has received. */
 typedef struct {
     const palp_can_frame *frames;
+    uint64_t heard; /* bit i: frame i is another's set-point, of no drive */
     uint32_t count, periods;
     bool strict; /* a joint that was believed is held to; else readings that keep disagreeing with
                     it are taken as new */

@@ -65,20 +65,16 @@ static void apply_safety_step(palp_hand *h, palp_safety_step step) {
 }
 
 /* Frames in, and what they mean for the state. */
-static void take_in(palp_hand *h, const palp_tick_input *in) {
+static void take_in(palp_hand *h, const palp_tick_input *in, uint64_t heard) {
     palp_state before = h->safety.state;
     bool force = before == PALP_STATE_RUN || before == PALP_STATE_DAMPING;
     const uint32_t periods = in->skipped < UINT32_MAX ? in->skipped + 1u : in->skipped;
     h->periods = periods;
     h->counters.skipped += in->skipped;
     count_events(&h->counters, in->events);
-    const uint32_t frames = in->count < PALP_SERVO_FRAMES_IN ? in->count : PALP_SERVO_FRAMES_IN;
-    const uint32_t dropped = in->count - frames;
-    h->counters.overflows += dropped;
-    const palp_axes_input read = {.frames = dropped > 0u ? in->frames + dropped : in->frames,
-                                  .count = frames,
-                                  .periods = periods,
-                                  .strict = force};
+    palp_axes_input read = {.heard = heard, .periods = periods, .strict = force};
+    read.frames = palp_tick_frames(in, &read.count);
+    h->counters.overflows += in->count - read.count;
     palp_axes_take(&h->axes, &h->config.device, &read, &h->counters);
     h->health = palp_axes_check(&h->axes);
     if (force && (float)h->health.frozen * h->dt_s >= 0.5f * PALP_FROZEN_S) h->counters.frozen++;
@@ -162,8 +158,9 @@ static float reach_gain(palp_hand *h, const palp_pose *pose) {
     return gain;
 }
 
-void palp_hand_begin(palp_hand *h, const palp_tick_input *input, palp_hand_report *r) {
-    take_in(h, input);
+void palp_hand_begin(palp_hand *h, const palp_tick_input *input, uint64_t heard,
+                     palp_hand_report *r) {
+    take_in(h, input, heard);
     h->pose = read_pose(h, r);
     h->feels = false;
     if (palp_safety_request(h->safety.state) != PALP_REQUEST_TORQUE) return;

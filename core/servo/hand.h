@@ -46,6 +46,15 @@ typedef struct {
 /* Frames of one device that a tick takes in at most: what its bound is for. */
 #define PALP_SERVO_FRAMES_IN 64u
 
+/* The first of these, and how many they are. */
+static inline const palp_can_frame *palp_tick_frames(const palp_tick_input *input,
+                                                     uint32_t *count) {
+    const uint32_t dropped =
+        input->count > PALP_SERVO_FRAMES_IN ? input->count - PALP_SERVO_FRAMES_IN : 0u;
+    *count = input->count - dropped;
+    return dropped > 0u ? input->frames + dropped : input->frames;
+}
+
 typedef struct {
     palp_hand_config config;
     palp_output output;
@@ -119,8 +128,10 @@ typedef struct {
 } palp_hand_spring;
 palp_hand_spring palp_hand_spring_of(const palp_hand_config *config);
 
-/* Sets hand->entered and hand->feels. Cost: SERVO / 2 + frames FRAME. */
-void palp_hand_begin(palp_hand *hand, const palp_tick_input *input, palp_hand_report *report);
+/* Sets hand->entered and hand->feels. Bit i of `heard`: frame i of those that are read is a set-point of a
+ * joint of the scene, of no drive. Cost: SERVO / 2 + frames FRAME. */
+void palp_hand_begin(palp_hand *hand, const palp_tick_input *input, uint64_t heard,
+                     palp_hand_report *report);
 
 palp_hand_place palp_hand_tip(const palp_hand *hand);
 

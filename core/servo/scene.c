@@ -301,16 +301,14 @@ static bool take_setpoints(palp_scene *s, uint32_t hand, const palp_can_frame *f
     return any;
 }
 
-/* Joints that are driven by frames: the device's axes have put those aside as foreign. */
-static void listen(palp_scene *s, uint32_t hand, const palp_tick_input *input) {
-    palp_counters *c = &s->hand[hand].counters;
-    const uint32_t frames =
-        input->count < PALP_SERVO_FRAMES_IN ? input->count : PALP_SERVO_FRAMES_IN;
-    for (uint32_t f = 0; f < frames && s->drives > 0u; f++) {
-        if (!take_setpoints(s, hand, &input->frames[f]) || c->rejected == 0u) continue;
-        c->rejected--;
-        c->accepted++;
-    }
+/* Joints that are driven by frames on a device's bus; returns which of its frames those were. */
+static uint64_t listen(palp_scene *s, uint32_t hand, const palp_tick_input *input) {
+    uint64_t heard = 0;
+    uint32_t frames;
+    const palp_can_frame *frame = palp_tick_frames(input, &frames);
+    for (uint32_t f = 0; f < frames && s->drives > 0u; f++)
+        heard |= take_setpoints(s, hand, &frame[f]) ? 1ull << f : 0u;
+    return heard;
 }
 
 /* Joints that are driven, and the configuration of each multizone model. */
@@ -531,9 +529,9 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
                                   .body = s->body_report};
     for (uint32_t h = 0; h < s->hands; h++) {
         s->hand_report[h] = (palp_hand_report){.faults = 0};
-        palp_hand_begin(&s->hand[h], &input[h], &s->hand_report[h]);
+        const uint64_t heard = listen(s, h, &input[h]);
+        palp_hand_begin(&s->hand[h], &input[h], heard, &s->hand_report[h]);
         s->tip[h] = palp_hand_tip(&s->hand[h]);
-        listen(s, h, &input[h]);
         feels = feels || s->hand[h].feels;
     }
     for (uint32_t d = 0; d < s->drives; d++)

@@ -4,13 +4,13 @@ set -e
 input=$1 out=$2 core=${3:-m7}
 shift 3 2>/dev/null || shift $#
 case $core in
-m7) arch="-mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -DQEMU_TICK_PS=40000u" script=port/cortexm/an500 ;;
-m55) arch="-mcpu=cortex-m55 -DQEMU_TICK_PS=31250u" script=port/cortexm/an547 ;;
+m7) arch="-mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -DQEMU_TICK_PS=40000u" script=port/cortexm/an500 external=port/cortexm/an500_external.ld ;;
+m55) arch="-mcpu=cortex-m55 -DQEMU_TICK_PS=31250u" script=port/cortexm/an547 external=port/cortexm/an547.ld ;;
 *) echo "build.sh: '$core' is neither m7 nor m55" >&2; exit 2 ;;
 esac
 board="port/cortexm/memory.c port/cortexm/start.c port/cortexm/systick.c"
 case $input in
-*.c) what="$board port/embedded/image.c port/embedded/embedded_scene.c $input" script=${script}_external.ld ;;
+*.c) what="$board port/embedded/image.c port/embedded/embedded_scene.c $input" script=$external ;;
 *) what="$board port/cortexm/image.c port/cortexm/test_trajectory.c port/cortexm/blob.S" script=$script.ld ;;
 esac
 arm-none-eabi-gcc -mthumb -mfloat-abi=hard $arch -std=c11 -O3 -ffp-contract=off -fno-math-errno \

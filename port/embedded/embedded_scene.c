@@ -2,11 +2,7 @@
 #include "port/embedded/embedded_scene.h"
 #include "core/base/arena.h"
 
-/* What the bodies' files are opened as. */
-static palp_blob blob[PALP_SCENE_BODIES];
-static palp_zones zones[PALP_SCENE_BODIES];
-static palp_assembly assembly[PALP_SCENE_BODIES];
-static palp_tets tets[PALP_SCENE_BODIES];
+static palp_zones *zones[PALP_SCENE_BODIES]; /* of multizone models */
 
 /* As scene_at of the host, so that a scene moves alike. */
 static double value_at(const embedded_track *track, double t_s) {
@@ -21,7 +17,7 @@ static double value_at(const embedded_track *track, double t_s) {
 
 static void values_at(uint32_t number, double t_s, float value[PALP_MAX_JOINTS]) {
     const embedded_body *b = &embedded.body[number];
-    for (uint32_t j = 0; j < zones[number].meta->joints; j++) value[j] = 0.0f;
+    for (uint32_t j = 0; j < zones[number]->meta->joints; j++) value[j] = 0.0f;
     for (uint32_t k = 0; k < b->tracks; k++)
         value[b->track[k].joint] = (float)value_at(&b->track[k], t_s);
 }
@@ -36,22 +32,31 @@ void embedded_move(palp_scene *scene, double t_s) {
     }
 }
 
-static palp_status open_zones(uint32_t number, palp_arena *arena) {
+/* A piece of the scene's memory; NULL when it is not enough. */
+static void *piece(palp_arena *arena, size_t bytes) {
+    void *memory = palp_take(arena, bytes, 1);
+    return arena->used <= embedded.bytes ? memory : NULL;
+}
+
+static palp_status open_zones(uint32_t number, palp_body_config *c, palp_arena *arena) {
     const embedded_body *b = &embedded.body[number];
     const palp_frame rest = PALP_FRAME_IDENTITY;
     float value[PALP_MAX_JOINTS];
-    palp_status status = palp_zones_open(&zones[number], b->data, (size_t)(b->end - b->data));
+    palp_zones *z = zones[number] = piece(arena, sizeof *z);
+    palp_assembly *a = c->assembly = piece(arena, sizeof *a);
+    if (a == NULL) return PALP_ERR_MEMORY;
+    palp_status status = palp_zones_open(z, b->data, (size_t)(b->end - b->data));
     if (status != PALP_OK) return status;
-    const size_t bytes = palp_assembly_memsize(&zones[number], b->seams_finest);
-    void *memory = palp_take(arena, bytes, 1);
-    if (arena->used > embedded.bytes) return PALP_ERR_MEMORY;
-    status = palp_assembly_init(&assembly[number], &zones[number], b->seams_finest, memory, bytes);
+    const size_t bytes = palp_assembly_memsize(z, b->seams_finest);
+    void *memory = piece(arena, bytes);
+    if (memory == NULL) return PALP_ERR_MEMORY;
+    status = palp_assembly_init(a, z, b->seams_finest, memory, bytes);
     if (status != PALP_OK) return status;
     const palp_vec3 g = b->config.gravity_m_s2;
-    if (palp_norm(g) > 0.0f) status = palp_assembly_gravity(&assembly[number], g);
+    if (palp_norm(g) > 0.0f) status = palp_assembly_gravity(a, g);
     values_at(number, 0.0, value);
-    palp_assembly_pose(&assembly[number], value, &rest);
-    palp_assembly_settle(&assembly[number]);
+    palp_assembly_pose(a, value, &rest);
+    palp_assembly_settle(a);
     return status;
 }
 
@@ -59,13 +64,16 @@ static palp_status open_body(uint32_t number, palp_body_config *c, palp_arena *a
     const embedded_body *b = &embedded.body[number];
     const size_t bytes = (size_t)(b->end - b->data);
     *c = b->config;
-    c->blob = &blob[number];
-    c->assembly = &assembly[number];
-    c->tets = &tets[number];
-    if (c->kind == PALP_BODY_ELASTIC) return palp_blob_open(&blob[number], b->data, bytes);
-    if (c->kind == PALP_BODY_ZONES) return open_zones(number, arena);
-    const palp_status status = palp_tets_open(&tets[number], b->data, bytes);
-    if (status == PALP_OK) c->adapt = palp_adapt_defaults(&tets[number]);
+    if (c->kind == PALP_BODY_ZONES) return open_zones(number, c, arena);
+    if (c->kind == PALP_BODY_ELASTIC) {
+        palp_blob *blob = piece(arena, sizeof *blob);
+        c->blob = blob;
+        return blob != NULL ? palp_blob_open(blob, b->data, bytes) : PALP_ERR_MEMORY;
+    }
+    palp_tets *tets = piece(arena, sizeof *tets);
+    const palp_status status = tets != NULL ? palp_tets_open(tets, b->data, bytes) : PALP_ERR_MEMORY;
+    c->tets = tets;
+    if (status == PALP_OK) c->adapt = palp_adapt_defaults(tets);
     return status;
 }
 
@@ -96,7 +104,7 @@ palp_status embedded_open(palp_scene **scene, const palp_cost_table *cost, const
                                       .cost = *cost,
                                       .port = *port};
     const size_t bytes = palp_scene_memsize(&config);
-    void *memory = palp_take(&arena, bytes, 1);
-    if (bytes == 0u || arena.used > embedded.bytes) return PALP_ERR_MEMORY;
+    void *memory = piece(&arena, bytes);
+    if (bytes == 0u || memory == NULL) return PALP_ERR_MEMORY;
     return palp_scene_open(scene, &config, memory, bytes, bound_ns);
 }

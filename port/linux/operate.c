@@ -149,12 +149,14 @@ static void begin_load(operation *o, const char *file, char *answer, size_t room
     snprintf(answer, room, "error no thread to read with");
 }
 
-/* What the next scene's joints listen to has to come in before it is there. */
-static bool filter_lines(const servo_loop *l, const scene_setup *next) {
+/* Lets in what the joints of one scene, or of two while the one goes into the other, listen to; false where the
+ * kernel refuses. */
+static bool filter_lines(const servo_loop *l, const scene_setup *a, const scene_setup *b) {
     bool done = true;
-    for (uint32_t h = 0; h < next->config.hands && !l->simulated; h++) {
-        palp_can_filter filter[LOOP_FILTERS];
-        const uint32_t n = loop_filters(next, h, l->lockstep, filter);
+    for (uint32_t h = 0; h < a->config.hands && !l->simulated; h++) {
+        palp_can_filter filter[2 * LOOP_FILTERS];
+        uint32_t n = loop_filters(a, h, l->lockstep, filter);
+        if (b != NULL) n += loop_filters(b, h, l->lockstep, filter + n);
         done = can_filter_to(&l->line[h].port, filter, n) && done;
     }
     return done;
@@ -167,7 +169,8 @@ static void go_on(operation *o) {
     case LOAD_READ:
         (void)pthread_join(o->reader, NULL);
         o->reader = 0;
-        if (!filter_lines(l, o->next.setup)) {
+        if (!filter_lines(l, l->setup, o->next.setup)) {
+            (void)filter_lines(l, l->setup, NULL);
             scene_tear_down(o->next.setup, o->next.scene);
             atomic_store(&o->stage, refuse(o, "the kernel refused filters for its frames"));
             break;
@@ -178,6 +181,7 @@ static void go_on(operation *o) {
     case LOAD_FADING: {
         loop_scene *old = atomic_exchange(&l->old, NULL);
         if (old == NULL) break;
+        (void)filter_lines(l, l->setup, NULL);
         scene_tear_down(old->setup, old->scene);
         snprintf(o->scene, sizeof o->scene, "%s", o->file);
         atomic_store(&o->stage, LOAD_NONE);

@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define MAX_FILTERS 64u
+#define MAX_FILTERS 128u
 #define CONTROL_BYTES (CMSG_SPACE(sizeof(uint32_t)) + CMSG_SPACE(sizeof(struct timespec)))
 
 bool can_filter_to(const can_port *port, const palp_can_filter *f, uint32_t count) {

@@ -177,7 +177,7 @@ static void put_tracks(FILE *f, const scene_setup *s, uint32_t number) {
             fprintf(f, "{%a, %a}, ", p->joint[j]->key[k].t_s, p->joint[j]->key[k].value[0]);
         fputs("};\n", f);
     }
-    fprintf(f, "static const embedded_track track_%u[PALP_MAX_JOINTS] = {\n", number);
+    fprintf(f, "static const embedded_track track_%u[PALP_MAX_JOINTS + 1] = {\n", number);
     for (uint32_t j = 0; j < p->zones.meta->joints; j++) {
         if (p->joint[j] != NULL)
             fprintf(f, "    {%u, %zu, key_%u_%u},\n", j, p->joint[j]->count, number, j);
@@ -277,15 +277,27 @@ static void put_drive(FILE *f, const palp_scene_drive *d) {
 
 /* ---- all together ---- */
 
+static void take(size_t *sum, size_t bytes) {
+    *sum += (bytes + PALP_ALIGN - 1) / PALP_ALIGN * PALP_ALIGN;
+}
+
 /* Bytes of all that is opened; of pointers of this machine, so it is enough on smaller ones. */
 static size_t memory_of(const scene_setup *s) {
-    size_t bytes = palp_scene_memsize(&s->config) + PALP_ALIGN;
+    size_t sum = 0;
+    take(&sum, palp_scene_memsize(&s->config));
     for (uint32_t b = 0; b < s->config.bodies; b++) {
         const scene_part *p = &s->part[b];
-        if (p->kind == PALP_BODY_ZONES)
-            bytes += palp_assembly_memsize(&p->zones, p->assembly.seams.finest) + PALP_ALIGN;
+        if (p->kind == PALP_BODY_ZONES) {
+            take(&sum, sizeof p->zones);
+            take(&sum, sizeof p->assembly);
+            take(&sum, palp_assembly_memsize(&p->zones, p->assembly.seams.finest));
+        } else if (p->kind == PALP_BODY_DYNAMIC) {
+            take(&sum, sizeof p->tets);
+        } else {
+            take(&sum, sizeof p->blob);
+        }
     }
-    return bytes;
+    return sum;
 }
 
 static void put_scene(FILE *f, const scene_setup *s) {

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define OFF_LOOKS 1000 /* directions in which extremes are held against the mesh */
 #define MARGIN 3     /* steps of the grid beyond the surface */
 #define ASIDE 1e-3   /* steps: just outside */
 #define PROBES 20000 /* places at which the field is compared */
@@ -265,23 +266,45 @@ static double largest_ball(const baking *b, double radius_m) {
     return fmax(-(double)b->field.unit_m * lowest, 0.5 * b->grid.step) + radius_m;
 }
 
+/* Direction k of `count` spread over the sphere. */
+static void spread(uint32_t k, uint32_t count, double d[3]) {
+    const double turn = 2.399963229728653; /* golden angle */
+    const double z = 1 - (2.0 * k + 1) / count, r = sqrt(1 - z * z);
+    d[0] = r * cos(turn * k);
+    d[1] = r * sin(turn * k);
+    d[2] = z;
+}
+
+static uint32_t outermost(const mesh *m, const double d[3]) {
+    uint32_t best = 0;
+    for (uint32_t v = 1; v < m->vertices; v++)
+        best = v_dot(m->x[v], d) > v_dot(m->x[best], d) ? v : best;
+    return best;
+}
+
 /* The vertices of the mesh that lie outermost in directions spread over the sphere, each once, as the device
  * holds them; returns how many. */
 static uint32_t find_extremes(const mesh *m, const double reference[3],
-                              float extreme[PALP_TOOL_EXTREMES][3]) {
-    const double turn = 2.399963229728653; /* golden angle */
+                              float extreme[PALP_TOOL_EXTREMES][3], float *off_m) {
     uint32_t vertex[PALP_TOOL_EXTREMES], count = 0;
+    double off = 0;
     for (uint32_t k = 0; k < PALP_TOOL_EXTREMES; k++) {
-        const double z = 1 - (2.0 * k + 1) / PALP_TOOL_EXTREMES, r = sqrt(1 - z * z);
-        const double d[3] = {r * cos(turn * k), r * sin(turn * k), z};
-        uint32_t best = 0, i = 0;
-        for (uint32_t v = 1; v < m->vertices; v++)
-            best = v_dot(m->x[v], d) > v_dot(m->x[best], d) ? v : best;
+        double d[3];
+        spread(k, PALP_TOOL_EXTREMES, d);
+        const uint32_t best = outermost(m, d);
+        uint32_t i = 0;
         while (i < count && vertex[i] != best) i++;
         if (i < count) continue;
         for (int e = 0; e < 3; e++) extreme[count][e] = (float)(m->x[best][e] - reference[e]);
         vertex[count++] = best;
     }
+    for (uint32_t k = 0; k < OFF_LOOKS; k++) {
+        double d[3], most = -1e300;
+        spread(k, OFF_LOOKS, d);
+        for (uint32_t i = 0; i < count; i++) most = fmax(most, v_dot(m->x[vertex[i]], d));
+        off = fmax(off, v_dot(m->x[outermost(m, d)], d) - most);
+    }
+    *off_m = (float)(1.1 * off); /* between the directions that were looked at */
     return count;
 }
 
@@ -318,7 +341,7 @@ uint8_t *tool_bake(const mesh *m, const tool_options *o, const uint8_t sha[32], 
     }
     memcpy(meta.mesh_sha256, sha, sizeof meta.mesh_sha256);
     float extreme[PALP_TOOL_EXTREMES][3];
-    meta.extremes = find_extremes(m, o->reference, extreme);
+    meta.extremes = find_extremes(m, o->reference, extreme, &meta.extreme_off_m);
     section_list l = {.count = 0};
     section_add(&l, PALP_SEC_TOOL, &meta, 1, sizeof meta);
     section_add(&l, PALP_SEC_TOOL_SAMPLE, b.sample, samples_of(&b.grid), sizeof *b.sample);
