@@ -23,9 +23,8 @@ static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
 
 static void take_evaluation(palp_contact_presser *p, const palp_tool *tool,
                             const palp_prices *price) {
-    const bool pad = tool->shape == PALP_TOOL_PAD, field = tool->shape == PALP_TOOL_FIELD;
     p->evaluation = evaluation_of(tool, price);
-    p->ways = field ? 1.0f + (float)PALP_TOOL_EXIT : pad ? 1.0f : 1.0f + (float)PALP_TOOL_OUT;
+    p->ways = 1.0f + (float)palp_tool_out(tool);
     p->deep = (p->ways + FLARED) * p->evaluation;
 }
 

@@ -42,14 +42,14 @@ static palp_gap gap_along(palp_lattice_filling *f, palp_vec3 y, palp_vec3 n) {
     const palp_tool_press press = palp_lattice_press(&f->l->used, n);
     if (r->other.surface != NULL) return gap_at(f, y);
     if (r->tool->shape == PALP_TOOL_FIELD) {
-        r->done->evaluations += 1u + PALP_TOOL_EXIT;
+        r->done->evaluations += 1u + palp_tool_out(r->tool);
         const palp_gap gap = palp_tool_gap_along(r->tool, &f->moved, y, &press);
         return palp_tool_gap_flared(r->tool, &f->moved, y, &press, gap, press.sunk);
     }
     palp_gap gap = gap_at(f, y);
     const bool behind = palp_tool_faces_back(r->tool, gap, &press);
     if (!behind && !(press.sunk > 0.0f)) return gap;
-    r->done->evaluations += PALP_TOOL_OUT;
+    r->done->evaluations += palp_tool_out(r->tool);
     if (behind) gap = palp_tool_gap_along(r->tool, &f->moved, y, &press);
     return palp_tool_gap_flared(r->tool, &f->moved, y, &press, gap, press.sunk);
 }

@@ -194,7 +194,11 @@ static void linearise(palp_contact *c, uint32_t i) {
     bool same;
     const palp_contact_point *last = last_of(c, p, &same);
     const bool here = last != NULL && last->at.body == body;
-    p->u_m = here ? last->u_m : pair ? (palp_vec3){0} : gone_with(c, p);
+    p->u_m = (palp_vec3){0};
+    if (here)
+        p->u_m = last->u_m;
+    else if (!pair)
+        p->u_m = gone_with(c, p);
     p->active = last != NULL ? same && last->active : true;
     p->left_out = false;
     c->other_side[i] = 0;

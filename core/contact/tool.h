@@ -127,15 +127,22 @@ typedef struct {
  * that presses. So a place inside, or behind a ball or cylinder that has sunk in, looks for where the axis
  * leaves the tool, at e with the normal n, and is n . (x - e) from it: the more, the more the nearest
  * side faces back. In a field that has not sunk in it holds as long as it is less than PALP_TOOL_STEEP
- * times the distance of the nearest side. Else, and for pads, as palp_tool_gap. Cost: at most PALP_TOOL_EXIT evaluations of a field more, PALP_TOOL_OUT of
- * another tool.
+ * times the distance of the nearest side. Else, and for pads, as palp_tool_gap. Cost: at most
+ * palp_tool_out evaluations more.
  */
 palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_vec3 x,
                              const palp_tool_press *press);
 #define PALP_TOOL_STEEP 3.0f
 #define PALP_TOOL_EXIT 4u
 #define PALP_TOOL_AHEAD 0.4f /* of the axis to the nearest side: from there on that alone counts */
-#define PALP_TOOL_OUT 2u
+
+/* What the way out takes, with flared sides: evaluations more than palp_tool_gap alone. */
+static inline uint32_t palp_tool_out(const palp_tool *tool) {
+    return tool->shape == PALP_TOOL_FIELD      ? PALP_TOOL_EXIT
+           : tool->shape == PALP_TOOL_CYLINDER ? 2u
+           : tool->shape == PALP_TOOL_PAD      ? 0u
+                                               : 1u;
+}
 
 /* The part of a field that is pressed, as a ball that touches its surface from inside at e, where its normal
  * is n; all in its own axes. Cost: an evaluation. */
