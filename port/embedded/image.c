@@ -16,7 +16,7 @@
 #ifndef DEPTH_RAD
 #define DEPTH_RAD 0.1f
 #endif
-#define STATE_TICKS 400u /* until the drives are on and the force has risen */
+#define STATE_TICKS 100u /* until the drives are on and the force has risen */
 #define RAD_PER_REV 6.28318530718f
 
 int main(void);

@@ -3,7 +3,7 @@
 # Each is in time, feels its bodies, and gives the bits that the same source gives on this machine.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-flags="-std=c11 -O2 -ffp-contract=off -fno-math-errno -fno-trapping-math -I. -DTICKS=800u"
+flags="-std=c11 -O2 -ffp-contract=off -fno-math-errno -fno-trapping-math -I. -DTICKS=400u"
 bake() { "$palp" bake "$work/$1.model" -o "$work/$1.palp" > /dev/null 2>&1; }
 printf 'mesh %s/blobs/bean.obj\nloop 2\nyoung 3e4\npoisson 0.45\nfix-below z 0.0339\n' "$here" > "$work/bean.model" && bake bean
 small_chain "$work/chain.palp"
@@ -23,17 +23,17 @@ image() { # image MHZ NAME TEXT
     gcc $flags -DCLOCK_STANDS -DCORE_MHZ="${mhz}u" -include tests/check/host_semihost.h "$work/$name.c" port/embedded/*.c \
         tests/check/host_board.c "$BUILD/libpalp.a" -o "$work/$name.host" && "$work/$name.host" > "$work/$name.here"
     ok $? "builds and runs on this machine"
-    grep -q 'ticks in RUN 79[0-9]' "$work/$name.here" && ! grep -q 'largest force [0-9] mN' "$work/$name.here"
+    grep -q 'ticks in RUN 39[0-9]' "$work/$name.here" && ! grep -q 'largest force [0-9] mN' "$work/$name.here"
     ok $? "feels its bodies: $(grep -o 'body .*' "$work/$name.here" | tr '\n' ' ')"
     run "$name" -DCLOCK_STANDS && [ "$(grep '^hash' "$work/$name.m7")" = "$(grep '^hash' "$work/$name.here")" ]
     ok $? "the same bits on a Cortex-M7: $(grep '^hash' "$work/$name.here")"
-    run "$name" && grep -q '^late 0$' "$work/$name.m7" && grep -q 'ticks in RUN 79[0-9]' "$work/$name.m7"
+    run "$name" && grep -q '^late 0$' "$work/$name.m7" && grep -q 'ticks in RUN 39[0-9]' "$work/$name.m7"
     ok $? "in time at $mhz MHz: $(grep 'instructions a tick' "$work/$name.m7"), $(grep 'flash:' "$work/$name.m7")"
 }
 run() { # run NAME FLAGS...
     name=$1
     shift
-    sh port/cortexm/build.sh "$work/$name.c" "$work/$name.elf" m7 -DTICKS=800u -DCORE_MHZ="${mhz}u" "$@" > "$work/$name.m7" 2>&1 &&
+    sh port/cortexm/build.sh "$work/$name.c" "$work/$name.elf" m7 -DTICKS=400u -DCORE_MHZ="${mhz}u" "$@" > "$work/$name.m7" 2>&1 &&
         timeout 300 qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none -semihosting-config enable=on,target=native \
             -icount shift=6 -kernel "$work/$name.elf" < /dev/null >> "$work/$name.m7" 2>&1
 }
