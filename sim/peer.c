@@ -3,7 +3,6 @@
 #include "port/host/util.h"
 #include <string.h>
 
-#define SHORT_IDS 0x7ffu
 #define CLASSIC_BYTES 8u
 
 void sim_peer_init(sim_peer *p, const scene_file *scene, uint32_t device) {
@@ -25,8 +24,7 @@ static palp_can_frame *frame_of(palp_can_frame *frames, uint32_t *count, uint32_
     for (uint32_t i = 0; i < *count; i++) {
         if (frames[i].id == id) return &frames[i];
     }
-    frames[*count] =
-        (palp_can_frame){.id = id, .flags = id > SHORT_IDS ? PALP_CAN_EXTENDED : 0};
+    frames[*count] = (palp_can_frame){.id = id, .flags = palp_can_id_flags(id)};
     return &frames[(*count)++];
 }
 

@@ -72,8 +72,7 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     const palp_vec3 moment = palp_add(patch->push_Nm, c->beyond_Nm[t]);
     const float work =
         palp_dot(force, moved) + palp_dot(moment, palp_turn_between(c->rest[t].r, patch->at.r));
-    const float foreseen = palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
-    return foreseen;
+    return palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
 }
 
 /* Share of the cells that is asked for, so that there is room for the points of a deep contact: what

@@ -18,6 +18,11 @@ typedef struct {
     uint8_t data[PALP_CAN_MAX_DATA];
 } palp_can_frame;
 
+/* The flags that an id asks for: more than 11 bits make it extended. */
+static inline uint8_t palp_can_id_flags(uint32_t id) {
+    return id > 0x7ffu ? PALP_CAN_EXTENDED : 0u;
+}
+
 /* Exactly this id, kind (flags) and length: what every codec asks first. */
 static inline bool palp_can_is(const palp_can_frame *f, uint32_t id, uint8_t flags,
                                uint8_t length) {

@@ -461,8 +461,8 @@ uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
         filter[3] = (palp_can_filter){.id = PALP_COB_HEARTBEAT + node, .mask = 0x7ff};
         return 4;
     case PALP_PROTOCOL_MOTEUS:
-        filter[0] = (palp_can_filter){.id = moteus, .mask = 0x1fffffff};
-        if (moteus > 0x7ffu) filter[0].flags = PALP_CAN_EXTENDED;
+        filter[0] = (palp_can_filter){
+            .id = moteus, .mask = 0x1fffffff, .flags = palp_can_id_flags(moteus)};
         return 1;
     case PALP_PROTOCOL_MIT:
         filter[0] = (palp_can_filter){.id = config->master_id, .mask = 0x7ff};

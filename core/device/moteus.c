@@ -23,7 +23,7 @@ enum { I8 = 0, I16 = 4, I32 = 8, F32 = 12 };
 static const float not_a_number = __builtin_nanf("");
 
 static uint8_t flags_of(uint32_t id) {
-    return (uint8_t)(id > 0x7ffu ? PALP_CAN_FD | PALP_CAN_EXTENDED : PALP_CAN_FD);
+    return (uint8_t)(PALP_CAN_FD | palp_can_id_flags(id));
 }
 
 /* Empty, its room filled with what pads it. */

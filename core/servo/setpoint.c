@@ -3,12 +3,9 @@
 #include "core/base/real.h"
 
 #define VALUE_BYTES 4u
-#define SHORT_IDS 0x7ffu
 #define IDS 0x1fffffffu
 #define FARTHEST 1e3f    /* rad or m */
 #define DRIVE_FRAMES 2.0f /* a drive's tick costs less than so many frames taken */
-
-static bool is_extended(uint32_t id) { return id > SHORT_IDS; }
 
 bool palp_scene_drive_is_sound(const palp_scene_drive *d) {
     const bool finite =
@@ -29,7 +26,7 @@ void palp_setpoint_init(palp_setpoint *s, const palp_scene_drive *d) {
 bool palp_setpoint_take(palp_setpoint *s, const palp_scene_drive *d,
                         const palp_joint_entry *joint, const palp_can_frame *frame) {
     const uint8_t kinds = PALP_CAN_EXTENDED | PALP_CAN_ERROR | PALP_CAN_REMOTE;
-    const uint8_t flags = is_extended(d->id) ? PALP_CAN_EXTENDED : 0u;
+    const uint8_t flags = palp_can_id_flags(d->id);
     if (frame->id != d->id || (frame->flags & kinds) != flags ||
         frame->length < d->byte + VALUE_BYTES)
         return false;

@@ -137,7 +137,7 @@ static void open_axis(const scene_setup *s, const scene_follow *f, palp_scene_dr
 
 /* Exits 2 if a drive on the same bus answers with the id. */
 static void check_id(const scene_setup *s, const scene_follow *f) {
-    const palp_can_filter wanted = {.id = f->id, .flags = f->id > 0x7ffu ? PALP_CAN_EXTENDED : 0};
+    const palp_can_filter wanted = {.id = f->id, .flags = palp_can_id_flags(f->id)};
     const char *bus = s->file->device[f->device].bus;
     for (uint32_t h = 0; h < s->file->devices; h++) {
         const palp_device *device = &s->device[h].device;

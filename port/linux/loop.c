@@ -77,10 +77,10 @@ uint32_t loop_filters(const scene_setup *setup, uint32_t number, bool lockstep,
     for (uint32_t d = 0; d < setup->config.drives; d++) {
         const palp_scene_drive *of = &setup->drive[d];
         if (of->by != PALP_DRIVEN_BY_FRAMES || of->hand != number) continue;
-        const bool extended = of->id > 0x7ffu;
+        const uint8_t flags = palp_can_id_flags(of->id);
         filter[n++] = (palp_can_filter){.id = of->id,
-                                        .mask = extended ? 0x1fffffffu : 0x7ffu,
-                                        .flags = extended ? PALP_CAN_EXTENDED : 0};
+                                        .mask = flags ? 0x1fffffffu : 0x7ffu,
+                                        .flags = flags};
     }
     if (lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
     return n;
