@@ -5,7 +5,7 @@ BUILD=${BUILD:-build}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 failed=0
-flags="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -I. -fcallgraph-info=su"
+flags="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -fno-jump-tables -I. -fcallgraph-info=su"
 target() { # target NAME COMPILER FLAGS...
     name=$1 compiler=$2
     shift 2

@@ -8,7 +8,7 @@
 static uint64_t clock_of(void *context) { return *(uint64_t *)context += 100; }
 
 void seat(stage *s, uint32_t h, const char *device, float rate_hz, palp_vec3 origin,
-                 float turn_rad) {
+          float turn_rad) {
     const float c = cosf(turn_rad), si = sinf(turn_rad);
     s->file[h] = device_load(device);
     s->file[h].device.drives.rate_hz = rate_hz;

@@ -20,13 +20,14 @@ typedef struct {
     float ns_per_instruction; /* 0: 0.5 */
     double most_ns;           /* that any tick may take, over the period */
     float last_N[HANDS][3], step_N[HANDS], largest_N[HANDS], least_J;
-    bool out; /* of a hand's limits, or not finite */
+    bool out;               /* of a hand's limits, or not finite */
     palp_can_frame more[8]; /* that reach hand 0 in the next tick, */
     uint32_t more_count;    /* then 0 */
 } stage;
 
 /* A device whose coordinates lie in the scene's turned about z. */
-void seat(stage *s, uint32_t h, const char *device, float rate_hz, palp_vec3 origin, float turn_rad);
+void seat(stage *s, uint32_t h, const char *device, float rate_hz, palp_vec3 origin,
+          float turn_rad);
 
 /* After start: the hand's keys, in the coordinates of its device. */
 void lead(stage *s, uint32_t h, const hand_key *key, const hand_turn *turn, uint32_t count);

@@ -38,6 +38,14 @@ static inline float palp_clamp(float x, float lo, float hi) {
 }
 
 /* False for NaN and infinities; looks at bits, so no compiler flag can fold it away. */
+/* What a clock has gone on from `start_ns`, in ns; more than four seconds, or backwards, are four
+ * seconds: no time is left. In 32 bits, since processors of 32 bits make a float of 64 bits by a
+ * call. */
+static inline float palp_elapsed_ns(uint64_t start_ns, uint64_t now_ns) {
+    const uint64_t gone = now_ns - start_ns;
+    return (float)(gone < UINT32_MAX ? (uint32_t)gone : UINT32_MAX);
+}
+
 static inline bool palp_is_finite(float x) {
     union {
         float f;

@@ -141,8 +141,8 @@ typedef enum {
     PALP_SEC_SKIN_TET = 787,             /* u32[skin][levels] that each vertex is embedded in */
     PALP_SEC_SKIN_WEIGHT = 788,          /* f32[skin][levels][4] */
     /* A rigid tool. */
-    PALP_SEC_TOOL = 896,        /* palp_tool_meta */
-    PALP_SEC_TOOL_SAMPLE = 897, /* i16[count[2]][count[1]][count[0]] */
+    PALP_SEC_TOOL = 896,         /* palp_tool_meta */
+    PALP_SEC_TOOL_SAMPLE = 897,  /* i16[count[2]][count[1]][count[0]] */
     PALP_SEC_TOOL_EXTREME = 898, /* f32[extremes][3] places of the mesh that lie outermost, m */
 } palp_section;
 
@@ -288,7 +288,7 @@ typedef struct {
     float size_m;      /* radius of the largest ball inside */
     float error_max_m; /* of the distance on the surface, measured by bake */
     uint8_t mesh_sha256[32];
-    uint32_t extremes;  /* up to PALP_TOOL_EXTREMES */
+    uint32_t extremes;   /* up to PALP_TOOL_EXTREMES */
     float extreme_off_m; /* how much farther the mesh reaches than any of them, at most */
     uint32_t reserved[10];
 } palp_tool_meta;

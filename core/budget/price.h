@@ -27,6 +27,7 @@
     X(AXPY, "axpy", "one entry of it, side by side")                                               \
     X(DOT, "dot", "one entry of a sum in order")                                                   \
     X(GATHER, "gather", "one compliance gathered for the factor")                                  \
+    X(ROW_BEGUN, "row_begun", "a row of compliances begun")                                        \
     X(COUPLE, "couple", "a tool's spring in one solve")                                            \
     X(LEAVE, "leave", "a tool's spring in one tick")                                               \
     X(TICK, "tick", "a bounded tick, its end and its report")                                      \
@@ -61,9 +62,14 @@
     X(FAMILY, "family", "one family weighed")                                                      \
     X(ELEMENT_TEST, "element_test", "one element tested before a change of level")                 \
     X(SERVO, "servo", "a servo tick without its frames and the contact")                           \
+    X(AXIS, "axis", "of one axis in it")                                                           \
     X(FRAME, "frame", "one frame received")                                                        \
+    X(FRAME_BYTE, "frame_byte", "one byte of it, of as many as a frame may have")                  \
     X(FILLING, "filling", "one filling of a lattice, its table, what it follows")                  \
-    X(AROUND, "around", "one node around a tool tested")                                           \
+    X(AROUND, "around", "one node or row of cells around a tool visited")                          \
+    X(NODE, "node", "one node within reach of a tool tested")                                      \
+    X(FOOT, "foot", "the nearest point of the surface sought from a node")                         \
+    X(KEPT, "kept", "one point of the last tick looked for in a lattice")                          \
     X(FAR_FIELD, "far_field", "the body's far field at a place")                                   \
     X(SHOT, "shot", "one site of a lattice shot at")                                               \
     X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \
@@ -73,12 +79,14 @@
     X(MODE_PAIR, "mode_pair", "one mode in it")                                                    \
     X(CORNER, "corner", "one corner of the points' triangles")                                     \
     X(CORNER_MODE, "corner_mode", "one mode at a corner")                                          \
-    X(DISPLACE, "displace", "one force at one point, or its gradient")                             \
+    X(DISPLACE, "displace", "one force at one point")                                              \
+    X(PULL, "pull", "the gradient of one force at one point")                                      \
     X(DERIVATIVE, "derivative", "derivatives of one site of a lattice")                            \
     X(ITERATION, "iteration", "a change of the active set")                                        \
     X(PRESSED, "pressed", "one point in contact in it, or outside")                                \
     X(FINISH, "finish", "the end of a contact for one tool")                                       \
     X(FRICTION, "friction", "the springs of one tool's friction, in four regions")                 \
+    X(RUB, "rub", "one point in contact in it")                                                    \
     X(SOUGHT, "sought", "one node in the search for the nearest")
 
 #define PALP_WORK_NAME(name, word, what) PALP_WORK_##name,

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Targets: what one of each kind of work (budget/price.h) costs at most, in instructions, of this
- * code as the Makefile builds it with gcc 12. Fitted from above to exact counts over random and
- * cases found by search, and checked against others (tests/wcet). Another compiler or other flags
- * want a table of their own: tests/wcet/README.md says how to make one.
+ * code as the Makefile builds it with gcc 12. Derived from the machine code, but for the seams
+ * between zones, which are counted with room (tests/wcet). Another compiler or other flags want a
+ * table of their own: tests/wcet/README.md says how to make one.
  */
 #ifndef PALP_BUDGET_TARGET_H
 #define PALP_BUDGET_TARGET_H

@@ -18,7 +18,7 @@ static void feel(palp_contact *c, uint32_t level, uint32_t zone, const palp_surf
     for (uint32_t k = 0; k < 3u; k++)
         palp_assembly_modal_load(c->assembly, level, zone, corner[k],
                                  palp_scale(at->weight[k], force), c->felt);
-    c->work_done += 27u * (uint64_t)palp_assembly_modes(c->assembly, zone);
+    c->work_done += 27u * (uint32_t)palp_assembly_modes(c->assembly, zone);
 }
 
 void palp_contact_bond(palp_contact *c) {
@@ -44,7 +44,7 @@ void palp_contact_bond(palp_contact *c) {
         palp_seams_load_among(q, a->configuration, zone, c->felt, c->seam + s, stride);
         palp_seams_load_among(q, NULL, zone, c->felt, rest + s, stride);
         for (uint32_t k = 0; k < part->seams; k++) touched |= 1ull << part->seam[k];
-        c->work_done += 30u * (uint64_t)palp_assembly_modes(a, zone);
+        c->work_done += 30u * (uint32_t)palp_assembly_modes(a, zone);
     }
     own = touched;
     palp_seams_forward_many(q, f, c->seam, stride, lanes, &touched);
@@ -107,7 +107,7 @@ void palp_contact_bond_corners(palp_contact *c) {
             if (c->node_body[k] != b) continue;
             palp_vec3 u = palp_assembly_modal_displacement(a, level, b, c->node[k], c->felt);
             c->node_u_m[k] = palp_add(c->node_u_m[k], u);
-            c->work_done += 9u * (uint64_t)palp_assembly_modes(a, b);
+            c->work_done += 9u * (uint32_t)palp_assembly_modes(a, b);
         }
     }
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The compliance between contact points: half-space and modes (surface/surface.h). */
+#include "core/base/apart.h"
 #include "core/contact/contact_internal.h"
 
 #define NO_SIDE 0xffffu /* among those in contact: padding */
@@ -137,7 +138,7 @@ static uint32_t gather_body(palp_contact *c, uint32_t body, uint32_t at) {
             c->pressed_side[at++] = (uint16_t)s;
         }
     }
-    /* at most a lane */
+    /* at most LANES - 1 */
     for (; at % LANES != 0u; at++) {
         const float of[11] = {nowhere.x, nowhere.y, nowhere.z, 0.0f, 0.0f, 1.0f,
                               0.0f,      0.0f,      0.0f,      1.0f, 0.0f};
@@ -163,7 +164,7 @@ void palp_contact_gather(palp_contact *c) {
     c->work_done += ((uint64_t)c->level.modes + 20u) * at;
 }
 
-void palp_contact_displace_corners(palp_contact *c) {
+PALP_APART void palp_contact_displace_corners(palp_contact *c) {
     for (uint32_t k = 0; k < c->nodes; k++)
         c->node_u_m[k] =
             palp_surface_corner(&c->surface[c->node_body[k]], c->node[k], c->level.modes, c->load);
@@ -260,7 +261,7 @@ static palp_vec3 pressed_by(const palp_contact *c, uint32_t side, const pressing
 }
 
 /* Puts these forces in place of those that were gathered; with the modes' loads if `far`. */
-static void press(palp_contact *c, const pressing *p, bool far) {
+PALP_APART static void press(palp_contact *c, const pressing *p, bool far) {
     const uint32_t modes = far ? c->level.modes : 0u;
     float row[PALP_MAX_MODES];
     for (uint32_t m = 0; m < modes; m++) c->load[m] = 0.0f;
@@ -272,7 +273,7 @@ static void press(palp_contact *c, const pressing *p, bool far) {
             c->pressed[IN_F][at] = f.x;
             c->pressed[IN_F + 1][at] = f.y;
             c->pressed[IN_F + 2][at] = f.z;
-            if (!far) continue;
+            if (!far || !(palp_dot(f, f) > 0.0f)) continue;
             palp_surface_modes(&c->surface[b], palp_contact_side(c, s), f, modes, row, 1);
             for (uint32_t m = 0; m < modes; m++) c->load[m] += row[m];
             c->work_done += 10u * (uint64_t)modes;

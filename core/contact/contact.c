@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/contact.h"
+#include "core/base/apart.h"
 #include "core/base/linalg.h"
 #include "core/contact/contact_internal.h"
 #include "core/contact/repay.h"
@@ -75,9 +76,9 @@ static float foreseen_share(const palp_contact *c, const palp_contact_patch *pat
     return palp_clamp(1.0f - 0.6f * work / energy, LEAST_SHARE, MOST_SHARE);
 }
 
-/* Share of the cells that is asked for, so that there is room for the points of a deep contact: what
- * would need CROWDED of it with so many. It follows slowly, since a step of the spacing is felt, and
- * back by the same way, since what is stored depends on it. */
+/* Share of the cells that is asked for, so that there is room for the points of a deep contact:
+ * what would need CROWDED of it with so many. It follows slowly, since a step of the spacing is
+ * felt, and back by the same way, since what is stored depends on it. */
 static float crowd_of(const palp_contact *c) {
     const bool full = (c->flags & PALP_CONTACT_FULL) != 0u;
     /* of flat zones that meet, points come and go by whole rows: their number says nothing ahead */
@@ -151,9 +152,15 @@ bool palp_contact_may_skip(const palp_contact *contact) {
 void palp_contact_skip(palp_contact *contact) { next_patch(contact); }
 
 static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) {
-    return (palp_lattice_counts){a.fillings + b.fillings,       a.around + b.around,
-                                 a.evaluations + b.evaluations, a.shots + b.shots,
-                                 a.crossings + b.crossings,     a.bent + b.bent};
+    return (palp_lattice_counts){.fillings = a.fillings + b.fillings,
+                                 .around = a.around + b.around,
+                                 .nodes = a.nodes + b.nodes,
+                                 .evaluations = a.evaluations + b.evaluations,
+                                 .feet = a.feet + b.feet,
+                                 .shots = a.shots + b.shots,
+                                 .crossings = a.crossings + b.crossings,
+                                 .kept = a.kept + b.kept,
+                                 .bent = a.bent + b.bent};
 }
 
 /* Both fields about the place of the first. */
@@ -194,14 +201,6 @@ static float size_of(const palp_contact *c, const palp_contact_patch *patch) {
     return PAIR_SIZE * c->surface[patch->body].blob->meta->mean_edge_m;
 }
 
-/* palp_lattice_reach on the body that asks for most. */
-static float reach_of(const palp_contact *c, const palp_tool *tool) {
-    float reach = 0.0f;
-    for (uint32_t b = 0; b < c->bodies; b++)
-        reach = palp_max(reach, palp_lattice_reach(tool, c->surface[b].blob));
-    return reach;
-}
-
 /* Where the points of the present pair of zones end at most: such points have two sides, so no more
  * than half of all are. */
 static uint32_t pair_room(const palp_contact *c) {
@@ -212,8 +211,8 @@ static uint32_t pair_room(const palp_contact *c) {
     return end < c->level.points ? end : c->level.points;
 }
 
-/* And those of the present tool: what the tools after it had is kept for them, so that one which comes
- * to touch with many does not take them from one that presses. */
+/* And those of the present tool: what the tools after it had is kept for them, so that one which
+ * comes to touch with many does not take them from one that presses. */
 static uint32_t tool_room(const palp_contact *c) {
     uint32_t kept = 0;
     for (uint32_t k = 0; k < c->patches; k++) {
@@ -238,8 +237,8 @@ bool palp_contact_fill(palp_contact *c) {
         .other = {pair ? &c->surface[patch->other] : NULL, pair ? &c->frame[patch->other] : NULL},
         .facing = pair ? palp_contact_other_triangle(c, patch) : 0u,
         .size_m = size_of(c, patch),
-        .reach_m =
-            pair ? PALP_CONTACT_PAIR_REACH / PAIR_SIZE * size_of(c, patch) : reach_of(c, tool),
+        .reach_m = pair ? PALP_CONTACT_PAIR_REACH / PAIR_SIZE * size_of(c, patch)
+                        : c->reach_m[patch->tool],
         .number = c->filling,
         .at = patch->at,
         .cells = (float)c->level.cells * c->crowd,
@@ -261,13 +260,13 @@ bool palp_contact_fill(palp_contact *c) {
     c->approached = c->approached || (!pair && c->done.bent > 0u);
     c->work_done += 400u * (uint64_t)c->done.fillings + 10u * c->done.around +
                     72u * c->done.evaluations + 240u * (uint64_t)c->done.shots +
-                    45u * (uint64_t)c->done.crossings +
+                    960u * (uint64_t)c->done.feet + 45u * (uint64_t)c->done.crossings +
                     3u * PALP_LATTICE_WATCHED * PALP_LATTICE_FAR_MODES;
     if (!(patch->normal_N > 0.0f) && !patch->lattice.placed) patch->bent = patch->lattice.bent;
     const bool begun = (flags & PALP_LATTICE_BEGUN) != 0u;
     /* what others have moved the body by is not taken back */
-    const bool missed = c->count == c->first && !begun && patch->normal_N > 0.0f &&
-                        !others_press(c, patch);
+    const bool missed =
+        c->count == c->first && !begun && patch->normal_N > 0.0f && !others_press(c, patch);
     bool again = ((flags & PALP_LATTICE_MOVED) != 0u || begun || missed) &&
                  ++c->fillings < PALP_LATTICE_FILLINGS;
     if (missed) {
@@ -384,8 +383,8 @@ static palp_vec3 at_corners(const palp_contact *c, uint32_t side, const palp_sur
     return h;
 }
 
-/* Of several tools each sees the body where all of them had moved it: where it is thin, each answer would
- * turn the last one round. Half way there they agree. */
+/* Of several tools each sees the body where all of them had moved it: where it is thin, each answer
+ * would turn the last one round. Half way there they agree. */
 static void follow_slowly(palp_far_field *f, const palp_far_field *before) {
     f->mean_m = palp_madd(before->mean_m, TOGETHER, palp_sub(f->mean_m, before->mean_m));
     for (uint32_t e = 0; e < 9u; e++)
@@ -465,6 +464,13 @@ static void take_forces(palp_contact *c) {
     }
 }
 
+/* Of a point between zones; returns how far along its force. */
+PALP_APART static float displace_other_side(palp_contact *c, uint32_t i) {
+    palp_contact_facing *z = &c->facing[i];
+    z->u_m = palp_contact_displacement(c, c->other_side[i]);
+    return palp_dot(z->m, z->u_m);
+}
+
 /* What the forces displace all sides by, and the energy. */
 static void take_displacements(palp_contact *c) {
     palp_contact_gather(c);
@@ -476,11 +482,7 @@ static void take_displacements(palp_contact *c) {
         palp_contact_point *p = &c->point[i];
         p->u_m = palp_contact_displacement(c, i);
         float along = palp_dot(p->m, p->u_m);
-        if (c->other_side[i] > 0u) {
-            palp_contact_facing *z = &c->facing[i];
-            z->u_m = palp_contact_displacement(c, c->other_side[i]);
-            along += palp_dot(z->m, z->u_m);
-        }
+        if (c->other_side[i] > 0u) along += displace_other_side(c, i);
         c->energy_J += 0.5f * p->force_N * along;
     }
 }
@@ -551,10 +553,10 @@ void palp_contact_finish(palp_contact *c) {
 void palp_contact_solve(palp_contact *contact, const palp_frame *at,
                         const palp_contact_spring *spring) {
     palp_contact_begin(contact, at, spring);
-    /* at most patches times PALP_LATTICE_FILLINGS */
+    /* at most patches * PALP_LATTICE_FILLINGS */
     while (palp_contact_fill(contact)) {}
     if (palp_contact_points(contact) > 0u) {
-        /* at most room / PALP_CONTACT_ROWS */
+        /* at most points / PALP_CONTACT_ROWS + 1 */
         while (palp_contact_assemble(contact)) {}
         /* at most PALP_CONTACT_ITERATIONS */
         while (palp_contact_iterate(contact)) {}

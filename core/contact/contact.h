@@ -87,6 +87,7 @@ typedef struct {
 } palp_contact_level;
 #define PALP_CONTACT_LEVELS PALP_LEVEL_ERRORS
 #define PALP_CONTACT_FINEST 3u        /* by default */
+#define PALP_CONTACT_NODE_PROBES 16u  /* of them that are looked at for a node */
 #define PALP_CONTACT_NODE_SLOTS 1024u /* a power of two, above 3 x 1.5 PALP_CONTACT_MAX_POINTS */
 
 #define PALP_CONTACT_FULL                                                                          \
@@ -105,13 +106,13 @@ typedef struct {
 
 /* A tool on all bodies, or a zone on another. */
 typedef struct {
-    bool used, filled;    /* filled: in this tick, or about to be */
-    uint32_t tool;        /* PALP_CONTACT_TOOLS: not a tool, */
-    uint32_t body, other; /* but these two zones; points lie on the first */
-    uint32_t before;      /* node of the other one near where they meet */
+    bool used, filled;        /* filled: in this tick, or about to be */
+    uint32_t tool;            /* PALP_CONTACT_TOOLS: not a tool, */
+    uint32_t body, other;     /* but these two zones; points lie on the first */
+    uint32_t before;          /* node of the other one near where they meet */
     uint32_t near_body, near; /* of a tool that does not press: the node nearest to it */
-    palp_frame at;        /* where the tool is taken to be; of two zones: where they met, */
-    palp_vec3 met_m;      /* and that in the frame of the first */
+    palp_frame at;            /* where the tool is taken to be; of two zones: where they met, */
+    palp_vec3 met_m;          /* and that in the frame of the first */
     palp_lattice lattice;
     palp_lattice_table *table, *table_before;
     palp_far_field far_field;       /* by the body as a whole under the forces of the last tick */
@@ -143,9 +144,11 @@ typedef struct {
     palp_assembly *assembly; /* of the zones, by reference; NULL: one body at rest */
     bool pairs;              /* zones touch each other */
     uint32_t bodies, patches;
-    uint32_t modes;            /* of the body, or of all zones together */
-    const palp_tool *tools;    /* by reference */
-    uint32_t tool_count, room; /* room: points, of the level that has most */
+    uint32_t modes;                     /* of the body, or of all zones together */
+    const palp_tool *tools;             /* by reference */
+    float extent_m[PALP_CONTACT_TOOLS]; /* palp_tool_extent of each, */
+    float reach_m[PALP_CONTACT_TOOLS];  /* and palp_lattice_reach on the body that asks for most */
+    uint32_t tool_count, room;          /* room: points, of the level that has most */
     uint32_t now;              /* the level in use; set between ticks, at most that of init */
     palp_contact_level level;  /* of this tick */
     palp_contact_patch *patch; /* [patches]; patch t is tool t, pairs follow */

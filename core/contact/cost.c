@@ -3,12 +3,13 @@
 
 #define FLARED 1.0f /* evaluations that palp_tool_gap_flared takes at most */
 #define GONE 2.0f   /* far fields that a new point is asked, at most */
+#define READ 8.0f   /* products that reading a side's mode takes as long as */
 #define RUNS 2.0f   /* the half-space between points that alternate between zones, over one run */
 #define BEGUN 30.0f /* sides: what rows of the seams take however few there are */
 #define LANES 7.0f  /* sides that fill a lane up, at most */
 #define PRICE(cost, kind) ((cost)->price.of[PALP_WORK_##kind])
 
-static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
+float palp_contact_cost_evaluation(const palp_tool *tool, const palp_prices *price) {
     switch (tool->shape) {
     case PALP_TOOL_CYLINDER:
         return price->of[PALP_WORK_CYLINDER];
@@ -21,9 +22,15 @@ static float evaluation_of(const palp_tool *tool, const palp_prices *price) {
     }
 }
 
+/* What is gone through to know how far a tool extends. */
+static float samples_of(const palp_tool *tool) {
+    if (tool->shape == PALP_TOOL_PAD) return (float)(tool->pad.columns * tool->pad.rows);
+    return tool->shape == PALP_TOOL_FIELD ? (float)tool->field.extremes : 0.0f;
+}
+
 static void take_evaluation(palp_contact_presser *p, const palp_tool *tool,
                             const palp_prices *price) {
-    p->evaluation = evaluation_of(tool, price);
+    p->evaluation = palp_contact_cost_evaluation(tool, price);
     p->ways = 1.0f + (float)palp_tool_out(tool);
     p->deep = (p->ways + FLARED) * p->evaluation;
 }
@@ -38,7 +45,7 @@ static uint32_t cells_met(const palp_meta *m, uint32_t axis, float reach) {
 static uint32_t nodes_around(const palp_blob *b, const uint32_t met[3]) {
     const palp_meta *m = b->meta;
     uint32_t most = 0;
-    /* each at most the cells of its axis */
+    /* at most cells */
     for (uint32_t z = 0; z + met[2] <= m->cells[2]; z++) {
         /* at most cells */
         for (uint32_t y = 0; y + met[1] <= m->cells[1]; y++) {
@@ -84,6 +91,7 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
     palp_contact_cost c = {.price = *price,
                            .tools = (float)tool_count,
                            .ring = (float)blob->meta->max_ring,
+                           .finest = PALP_CONTACT_FINEST,
                            .modes = blob->regular.modes};
     for (uint32_t t = 0; t < tool_count; t++) {
         take_evaluation(&c.presser[t], &tools[t], price);
@@ -91,6 +99,7 @@ palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *t
         count_visits(&c.presser[t], &tools[t]);
         take_worst(&c, &c.presser[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
+        c.samples += samples_of(&tools[t]);
     }
     c.patches = (float)tool_count;
     return c;
@@ -101,7 +110,8 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
                                              const palp_prices *price) {
     const palp_seams *q = &assembly->seams;
     const palp_zones *z = assembly->zones;
-    palp_contact_cost c = {.price = *price, .tools = (float)tool_count};
+    palp_contact_cost c = {
+        .price = *price, .tools = (float)tool_count, .finest = PALP_CONTACT_FINEST};
     palp_contact_presser *pair = &c.presser[PALP_CONTACT_TOOLS];
     float modes = 0.0f, reach[PALP_CONTACT_TOOLS] = {0};
     for (uint32_t i = 0; i < z->meta->zones; i++) {
@@ -126,6 +136,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         take_evaluation(&c.presser[t], &tools[t], price);
         count_visits(&c.presser[t], &tools[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
+        c.samples += samples_of(&tools[t]);
         take_worst(&c, &c.presser[t]);
     }
     count_visits(pair, NULL);
@@ -162,13 +173,14 @@ float palp_contact_cost_patches(const palp_contact_cost *cost) {
 }
 
 static float filled(const palp_contact_cost *cost, palp_lattice_counts done, float evaluation) {
-    const float turned =
-        2.0f * (float)done.around + 6.0f * (float)done.shots + (float)done.evaluations;
+    const float turned = 2.0f * (float)done.around + 6.0f * (float)done.shots +
+                         24.0f * (float)done.feet + (float)done.evaluations;
     const float sum =
         (float)done.fillings * PRICE(cost, FILLING) + (float)done.around * PRICE(cost, AROUND) +
+        (float)done.nodes * PRICE(cost, NODE) + (float)done.feet * PRICE(cost, FOOT) +
         (float)done.evaluations * (evaluation + PRICE(cost, FAR_FIELD)) +
         (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
-        (float)done.bent * cost->bent +
+        (float)done.kept * PRICE(cost, KEPT) + (float)done.bent * cost->bent +
         (float)done.fillings * PALP_LATTICE_WATCHED *
             (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE) + cost->bent);
     if (!(cost->zones > 0.0f)) return sum;
@@ -189,11 +201,14 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
     const uint32_t bent = cost->zones > 0.0f ? PALP_LATTICE_BENT : 0u;
     return (palp_lattice_counts){.fillings = 1u,
                                  .around = visits + feet * ring,
-                                 .evaluations = nodes + seen + PALP_LATTICE_WANTED(level.points) +
+                                 .nodes = nodes,
+                                 .evaluations = nodes + seen +
                                                 PALP_LATTICE_RINGS(level.points) * ring +
-                                                10u * feet + 4u + PALP_TOOL_EXIT,
-                                 .shots = shots + 4u * feet,
+                                                7u * feet + 4u + PALP_TOOL_EXIT,
+                                 .feet = feet,
+                                 .shots = shots,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points),
+                                 .kept = palp_contact_cost_level(cost, cost->finest).points,
                                  .bent = bent};
 }
 
@@ -250,22 +265,28 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
                (2.0f * PRICE(cost, SHOT) + (float)PALP_SURFACE_CROSSINGS * PRICE(cost, CROSSING));
 }
 
+/* A row of the assembly, or a call that assembles some: what is read of a side and its modes. */
+static float begun(const palp_contact_cost *cost, palp_contact_level level) {
+    return PRICE(cost, ROW_BEGUN) + READ * (float)level.modes * PRICE(cost, MODE_PAIR);
+}
+
 /* So many products between sides, of which `sides` are new. */
 static float products(const palp_contact_cost *cost, palp_contact_level level, float split,
                       float pairs, float sides) {
     const float seams = 2.0f * cost->unknowns * PRICE(cost, MODE_PAIR);
     return pairs * (split * PRICE(cost, COMPLIANCE) + (float)level.modes * PRICE(cost, MODE_PAIR) +
                     seams) +
-           sides * (PRICE(cost, GATHER) + 0.75f * PRICE(cost, POINT) +
-                    0.25f * (float)level.modes * PRICE(cost, MODE_AT));
+           sides * (1.0f + 1.0f / (float)PALP_CONTACT_ROWS) * begun(cost, level);
 }
 
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count) {
     const float n = (float)count, sides = n + others(cost, level, count);
-    if (!(cost->zones > 0.0f)) return products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
+    if (!(cost->zones > 0.0f))
+        return begun(cost, level) + products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
     /* a row takes as if it had one side more */
-    return products(cost, level, RUNS, 0.5f * sides * (sides + 3.0f + cost->pairs), sides);
+    return begun(cost, level) +
+           products(cost, level, RUNS, 0.5f * sides * (sides + 3.0f + cost->pairs), sides);
 }
 
 float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level level, uint32_t from,
@@ -275,14 +296,20 @@ float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level l
            products(cost, level, 1.0f, 0.5f * n * (n + 1.0f), n);
 }
 
-float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active) {
-    const float n = (float)count, a = (float)active;
-    return PRICE(cost, ITERATION) + PRICE(cost, QUANTUM) + (n + a) * PRICE(cost, PRESSED) +
-           0.5f * a * (a + 1.0f) *
-               (PRICE(cost, GATHER) + PRICE(cost, SUBSTITUTE) + PRICE(cost, DOT)) +
-           a * a * a / 6.0f * PRICE(cost, AXPY) + 2.0f * a * PRICE(cost, SUBSTITUTE) +
-           0.5f * a * a * (PRICE(cost, AXPY) + PRICE(cost, DOT)) +
-           palp_max(n - a, 0.0f) * a * PRICE(cost, DOT);
+float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active,
+                                uint32_t iterations) {
+    const float n = (float)count, a = (float)active, times = (float)iterations;
+    /* one that comes in has been held against those before it, one left out against all at most,
+     * and is not tried again */
+    const float out = palp_min(times * palp_max(n - a, 0.0f), n);
+    const float before = 0.5f * times * a * a + out * a;
+    const float pairs = times * a * a * a / 6.0f + 0.5f * out * a * a;
+    const float in = palp_min(a, 0.5f * n); /* of which most looks are taken at the others */
+    return times * (PRICE(cost, ITERATION) + PRICE(cost, QUANTUM) + (n + a) * PRICE(cost, PRESSED) +
+                    2.0f * a * PRICE(cost, SUBSTITUTE) +
+                    0.5f * a * a * (PRICE(cost, AXPY) + PRICE(cost, SUBSTITUTE)) +
+                    (in + 1.0f) * (n - in) * PRICE(cost, DOT)) +
+           before * (PRICE(cost, GATHER) + PRICE(cost, SUBSTITUTE)) + pairs * PRICE(cost, AXPY);
 }
 
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
@@ -293,17 +320,20 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     const float a = pressed + palp_max(palp_min(cost->zones, pressed) - 1.0f, 0.0f) * LANES;
     const float modes = (float)level.modes;
     float corners = 3.0f * n * (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE));
+    const float lanes = a + LANES; /* of a body in contact, whole */
     if (cost->zones > 0.0f)
         corners += cost->zones * (cost->solve + 4.0f * cost->unknowns * PRICE(cost, SEAM_MODE)) +
                    (6.0f * a + 3.0f * n) * felt(cost);
-    corners += cost->tools * (1.0f + cost->ring + (float)PALP_LATTICE_WATCHED) *
-               (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE) + PRICE(cost, TURN));
-    float sum = cost->tools * PRICE(cost, FINISH) +
-                n * (PRICE(cost, POINT) + a * PRICE(cost, DISPLACE)) +
-                1.25f * a * a * PRICE(cost, DISPLACE) + corners +
-                n * (PRICE(cost, DERIVATIVE) + cost->deep) + a * modes * PRICE(cost, MODE_AT);
+    const float looks =
+        cost->tools * (1.0f + cost->ring + (float)PALP_LATTICE_WATCHED) *
+        (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE) + PRICE(cost, TURN));
+    float sum = cost->tools * PRICE(cost, FINISH) + corners + looks +
+                n * (PRICE(cost, DERIVATIVE) + cost->deep + lanes * PRICE(cost, DISPLACE)) +
+                a * (cost->tools * PRICE(cost, ITERATION) + lanes * PRICE(cost, PULL)) +
+                2.0f * lanes * modes * PRICE(cost, CORNER_MODE);
     if (!cost->friction) return sum;
-    sum += cost->tools * PRICE(cost, FRICTION);
-    return sum + 2.0f * (a * (PRICE(cost, POINT) + modes * PRICE(cost, MODE_AT)) +
-                         2.0f * a * a * PRICE(cost, DISPLACE) + corners);
+    sum += cost->tools * (PRICE(cost, FRICTION) + 2.0f * corners +
+                          lanes * (PRICE(cost, RUB) + 2.0f * modes * PRICE(cost, CORNER_MODE)));
+    return sum + 4.0f * a * lanes * PRICE(cost, DISPLACE) +
+           2.0f * a * (PRICE(cost, RUB) + modes * PRICE(cost, MODE_AT));
 }

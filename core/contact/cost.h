@@ -14,8 +14,8 @@
 #include "core/budget/price.h"
 #include "core/contact/contact.h"
 
-/* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes and
- * rows of cells on the way. */
+/* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes
+ * and rows of cells on the way. */
 typedef struct {
     float evaluation, nodes, visits;
     float ways; /* evaluations of one palp_tool_gap_along, the most; deep: what they cost */
@@ -25,8 +25,9 @@ typedef struct {
 typedef struct {
     palp_prices price;
     palp_contact_presser presser[PALP_CONTACT_TOOLS + 1u]; /* the tools; last: another zone */
+    float samples; /* heights of all pads, and extremes of all fields */
     float tools, evaluation, ways, deep, nodes, visits, ring; /* the most of them */
-    uint32_t modes;
+    uint32_t modes, finest; /* finest: the level that points of the last tick may be from */
     bool friction;
     float patches;      /* tools, and pairs of zones */
     float zones, pairs; /* of a multizone model, else 0; 1 if zones touch each other */
@@ -35,6 +36,9 @@ typedef struct {
     float unknowns, solve, forward;
     float cells; /* most nodes in 27 cells of a zone */
 } palp_contact_cost;
+
+/* EVALUATION of a tool. */
+float palp_contact_cost_evaluation(const palp_tool *tool, const palp_prices *price);
 
 /* Cost of this: the cells of the grid, times those around a tool. */
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
@@ -55,14 +59,16 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
  * FILLING). */
 float palp_contact_cost_patches(const palp_contact_cost *cost);
 
-/* What a filling did: fillings FILLING + around AROUND + evaluations (EVALUATION + FAR_FIELD) +
- * shots SHOT + crossings CROSSING + fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h
- * + bent BENT; between zones an evaluation is a shot as well. */
+/* What a filling did: fillings FILLING + around AROUND + nodes NODE + evaluations (EVALUATION +
+ * FAR_FIELD) + feet FOOT + shots SHOT + crossings CROSSING + kept KEPT + fillings WATCHED
+ * (CORNER + FAR_MODES CORNER_MODE) of lattice.h + bent BENT; between zones an evaluation is a
+ * shot as well. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + ways shots + wanted + rings max_ring + 10 feet + 4 + PALP_TOOL_EXIT; shots:
- * PALP_LATTICE_SHOTS + 4 feet; crossings. To begin a lattice takes less. */
+ * max_ring; evaluations: N + ways shots + rings max_ring + 7 feet + 4 + PALP_TOOL_EXIT; shots:
+ * PALP_LATTICE_SHOTS; crossings; kept: the points of the finest level. To begin a lattice takes
+ * less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
@@ -88,8 +94,8 @@ float palp_contact_cost_fill_by(const palp_contact_cost *cost, palp_contact_leve
 float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count);
 
-/* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + count
- * (GATHER + 3/4 POINT + modes MODE_AT / 4) */
+/* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + (1 +
+ * count + count / PALP_CONTACT_ROWS) (ROW_BEGUN + 8 modes MODE_PAIR) */
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count);
 
@@ -97,16 +103,19 @@ float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_lev
 float palp_contact_cost_rows(const palp_contact_cost *cost, palp_contact_level level, uint32_t from,
                              uint32_t count);
 
-/* palp_contact_iterate with a points in contact: ITERATION + (count + a) PRESSED + a (a + 1) / 2
- * (GATHER + SUBSTITUTE + DOT) + a^3 / 6 AXPY + a (2 SUBSTITUTE) + a^2 (AXPY + DOT) / 2 + (count -
- * a) a DOT + QUANTUM */
-float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active);
+/* palp_contact_iterate, so many times of one solve. With a points in contact, b = min(a, count / 2)
+ * and r = min(iterations (count - a), count) that are left out of the factor for good: iterations
+ * (ITERATION + QUANTUM + (count + a) PRESSED + 2 a SUBSTITUTE + a^2 (AXPY + SUBSTITUTE) / 2 + (b +
+ * 1) (count - b) DOT) + (iterations a^2 / 2 + r a) (GATHER + SUBSTITUTE) + (iterations a^3 / 6 + r
+ * a^2 / 2) AXPY */
+float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, uint32_t active,
+                                uint32_t iterations);
 
-/* palp_contact_finish: tools (FINISH + (max_ring + 1 + PALP_LATTICE_WATCHED) (CORNER + modes
- * CORNER_MODE + TURN)) + count (POINT + a DISPLACE) + 5/4 a^2 DISPLACE + count
- * (DERIVATIVE + EVALUATION) + 3 count (CORNER + modes CORNER_MODE) + a modes MODE_AT; with friction
- * + tools FRICTION + 2 (a (POINT + modes MODE_AT) + 2 a^2 DISPLACE + 3 count (CORNER + modes
- * CORNER_MODE)) */
+/* palp_contact_finish, with l = a + 7 sides in whole lanes and 3 count (CORNER + modes CORNER_MODE)
+ * for all corners: tools (FINISH + (max_ring + 1 + PALP_LATTICE_WATCHED) (CORNER + modes
+ * CORNER_MODE + TURN)) + corners + count (DERIVATIVE + EVALUATION + l DISPLACE) + a (tools
+ * ITERATION + l PULL) + 2 l modes CORNER_MODE; with friction + tools (FRICTION + 2 corners + l (RUB
+ * + 2 modes CORNER_MODE)) + 4 a l DISPLACE + 2 a (RUB + modes MODE_AT) */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active);
 

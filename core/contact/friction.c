@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+#include "core/base/apart.h"
 #include "core/contact/friction.h"
 #include "core/base/frame.h"
 #include "core/contact/contact_internal.h"
@@ -47,7 +48,7 @@ static void measure_compliance(palp_friction *f, palp_contact *c, uint32_t tool,
 }
 
 /* What of region `o` of before goes on in region `r`, by the forces of all that it goes on in. */
-static float share_of(const palp_friction *f, uint32_t o, uint32_t r) {
+PALP_APART static float share_of(const palp_friction *f, uint32_t o, uint32_t r) {
     float all = 0.0f;
     for (uint32_t k = 0; k < f->regions; k++) {
         if ((f->region[k].at.parents >> o & 1u) != 0u) all += f->region[k].at.normal_N;

@@ -24,6 +24,7 @@
  * direction), then the facet, the smooth surface, the cell and the overlap.
  */
 #include "core/contact/contact_internal.h"
+#include "core/base/apart.h"
 #include "core/base/linalg.h"
 
 /* Derivatives of f C f / 2 + f . y with respect to one point. */
@@ -33,8 +34,8 @@ typedef struct {
 } pull;
 
 /* d/dy_i and d/dn_i of sum_j f_i B_ij f_j over the forces on one body, without its factor. */
-static pull half_space_pull(const palp_contact *c, uint32_t i, const palp_contact_run *in_contact,
-                            float nu) {
+PALP_APART static pull half_space_pull(const palp_contact *c, uint32_t i,
+                                       const palp_contact_run *in_contact, float nu) {
     const palp_contact_point *point = &c->point[i];
     const float rest = 0.5f - nu, plain = 1.0f - nu;
     const palp_vec3 y = point->at.y, n = point->at.n, f = palp_scale(point->force_N, point->m);
@@ -359,7 +360,7 @@ static pull pull_of(palp_contact *c, const palp_contact_point *p, uint32_t i,
     return sum;
 }
 
-static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
+PALP_APART static void add_point(palp_contact *c, uint32_t i, derivative_sums *f) {
     const palp_contact_point *p = &c->point[i];
     const palp_contact_patch *patch = &c->patch[p->patch];
     const palp_lattice *l = &patch->lattice;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Before a tool that does not press, how those that do have moved the body: about the node that now lies
- * nearest to the tool, which is followed from neighbour to neighbour. */
+/* Before a tool that does not press, how those that do have moved the body: about the node that now
+ * lies nearest to the tool, which is followed from neighbour to neighbour. */
 #include "core/contact/contact_internal.h"
 
 #define NEARBY 3.0f /* edges from the tool within which a node speaks for what is before it */
@@ -19,8 +19,8 @@ static void look_at(idle_search *s, uint32_t body, uint32_t node, bool counts) {
     const palp_surface *surface = &c->surface[body];
     palp_vec3 x = palp_vec3_at(surface->blob->rest_m + 3u * (size_t)node);
     if (c->frame != NULL) x = palp_carry(&c->frame[body], x);
-    const palp_vec3 u = palp_contact_outward(
-        c, body, palp_surface_corner(surface, node, c->level.modes, c->load));
+    const palp_vec3 u =
+        palp_contact_outward(c, body, palp_surface_corner(surface, node, c->level.modes, c->load));
     const palp_vec3 from = palp_sub(x, s->patch->at.t), d = palp_add(from, u);
     const float edge = surface->blob->meta->mean_edge_m;
     if (counts) palp_far_field_add(&s->sums, 1.0f, from, u, edge);
@@ -37,11 +37,12 @@ void palp_contact_idle(palp_contact *c, palp_contact_patch *patch) {
     look_at(&s, patch->near_body, patch->near, true);
     for (uint32_t k = b->ring_offset[patch->near]; k < b->ring_offset[patch->near + 1u]; k++)
         look_at(&s, patch->near_body, b->ring[k], true);
-    for (uint32_t w = 0; w < l->watched; w++) look_at(&s, l->watch[w].body, l->watch[w].node, false);
+    for (uint32_t w = 0; w < l->watched; w++)
+        look_at(&s, l->watch[w].body, l->watch[w].node, false);
     patch->near_body = s.body;
     patch->near = s.nearest;
     const float size = palp_tool_size(&c->tools[patch->tool]);
-    const float reach = palp_tool_extent(&c->tools[patch->tool]) + NEARBY * b->meta->mean_edge_m;
+    const float reach = c->extent_m[patch->tool] + NEARBY * b->meta->mean_edge_m;
     if (s.least_m2 < reach * reach)
         patch->far_field = palp_far_field_fit(&s.sums, patch->at.t);
     else /* nothing is known yet where the tool is */

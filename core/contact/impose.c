@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/contact/impose.h"
+#include "core/base/apart.h"
 #include "core/base/arena.h"
 #include "core/dyna/skin.h"
 
@@ -82,7 +83,8 @@ static void keep(palp_impose *p, const palp_imposed *s) {
 }
 
 /* One of PALP_IMPOSE_NARROW_TESTS max_points. */
-static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float margin) {
+PALP_APART static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x,
+                                    float margin) {
     palp_imposed s = {.skin = skin, .tool = tool, .n = palp_skin_normal(p->dyna, skin)};
     palp_touch at = palp_tool_at(&p->tools[tool], &p->to[tool], x, s.n);
     bool before = (p->pressed[skin] >> tool & 1u) != 0u;
@@ -93,21 +95,23 @@ static void narrow_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3
     if (s.per_w2 > 0.0f) keep(p, &s);
 }
 
-static void broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
+/* Returns whether families around the vertex are to be held. */
+static bool broad_phase(palp_impose *p, uint32_t skin, uint32_t tool, palp_vec3 x, float path_m) {
     const palp_frame *to = &p->to[tool];
     float away = palp_norm(palp_sub(x, to->t)) - p->reach_m[tool];
     float size = p->size_m[tool];
-    if (away > HOLD * size + path_m) return;
-    if (!palp_tool_may_reach(&p->tools[tool], palp_carry_back(to, x), HOLD * size + path_m)) return;
-    if (p->adapt != NULL) palp_adapt_hold(p->adapt, skin);
+    if (away > HOLD * size + path_m) return false;
+    if (!palp_tool_may_reach(&p->tools[tool], palp_carry_back(to, x), HOLD * size + path_m))
+        return false;
     float margin = MARGIN * size + path_m + PALP_IMPOSE_SPEED * p->dyna->config.tick_s;
-    if (away > margin) return;
+    if (away > margin) return true;
     if (p->narrow_tests == 0u) {
         p->overflow++;
-        return;
+        return true;
     }
     p->narrow_tests--;
     narrow_phase(p, skin, tool, x, margin);
+    return true;
 }
 
 /* Sets where a tool goes in this tick; returns how far any place of it goes at most. */
@@ -142,7 +146,10 @@ void palp_impose_begin(palp_impose *p, const palp_frame *to) {
     }
     for (uint32_t i = 0; i < p->dyna->tets->meta->skin; i++) {
         palp_vec3 x = palp_skin_position(p->dyna, i);
-        for (uint32_t t = 0; t < p->tool_count; t++) broad_phase(p, i, t, x, path_m[t]);
+        bool near = false;
+        for (uint32_t t = 0; t < p->tool_count; t++)
+            near = broad_phase(p, i, t, x, path_m[t]) || near;
+        if (near && p->adapt != NULL) palp_adapt_hold(p->adapt, i);
         p->pressed[i] = 0;
     }
 }
@@ -186,9 +193,10 @@ typedef struct {
 
 static palp_vec3 across(palp_vec3 v, palp_vec3 n) { return palp_madd(v, -palp_dot(v, n), n); }
 
-/* Friction's impulse on the body at a point that is pushed by `push`, against a tool that moves with
- * `there`; given to its nodes. */
-static palp_vec3 rub(palp_impose *p, const palp_imposed *s, float push, palp_vec3 there, float dt_s) {
+/* Friction's impulse on the body at a point that is pushed by `push`, against a tool that moves
+ * with `there`; given to its nodes. */
+PALP_APART static palp_vec3 rub(palp_impose *p, const palp_imposed *s, float push, palp_vec3 there,
+                                float dt_s) {
     palp_dyna *d = p->dyna;
     const palp_tool *tool = &p->tools[s->tool];
     palp_vec3 v = {0.0f, 0.0f, 0.0f};
@@ -199,7 +207,8 @@ static palp_vec3 rub(palp_impose *p, const palp_imposed *s, float push, palp_vec
         per_mass[k] = palp_dyna_per_mass(d, s->node[k], dt_s);
         answer += s->weight[k] * s->weight[k] * per_mass[k];
     }
-    palp_vec3 impulse = palp_scale(-1.0f / palp_max(answer, 1e-20f), across(palp_sub(v, there), s->n));
+    palp_vec3 impulse =
+        palp_scale(-1.0f / palp_max(answer, 1e-20f), across(palp_sub(v, there), s->n));
     const bool slides = palp_norm(impulse) > tool->friction * push;
     if (slides) impulse = palp_at_most(impulse, palp_tool_sliding(tool) * push);
     *(slides ? &p->slid[s->tool] : &p->stuck[s->tool]) += 1u;

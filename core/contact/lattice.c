@@ -101,6 +101,7 @@ void palp_lattice_aim(palp_lattice *l, palp_vec3 axis, palp_vec3 aim_m) {
 static void fill(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_room *r,
                  uint32_t first) {
     const uint32_t seeds = l->seeds;
+    r->done->kept += r->count_before;
     if (palp_lattice_flat(r)) palp_lattice_set_axis(l, palp_lattice_face(r));
     start_filling(f, l, r, first);
     r->done->fillings++;
@@ -113,9 +114,7 @@ static void fill(palp_lattice_filling *f, palp_lattice *l, const palp_lattice_ro
     }
     for (uint32_t k = 0; k < r->count_before; k++) { /* what has come apart since the last tick */
         const palp_contact_point *p = &r->before[k];
-        if (p->patch == r->number && p->active &&
-            !palp_lattice_knows(f, palp_lattice_world(r, &p->at)))
-            (void)palp_lattice_fill_region(f, &p->at);
+        if (p->patch == r->number && p->active) palp_lattice_fill_unknown(f, &p->at);
     }
     palp_lattice_visit(f, PALP_LATTICE_TO_SEEK);
     r->done->crossings += crossings_of(r) - f->crossings;

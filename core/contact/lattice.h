@@ -36,6 +36,7 @@
 #include "core/surface/surface.h"
 
 #define PALP_LATTICE_SLOTS 1024u /* of the table of sites; a power of two */
+#define PALP_LATTICE_PROBES 16u  /* of them that are looked at for a site */
 #define PALP_LATTICE_CELL                                                                          \
     0.8660254f                   /* area of a cell over its spacing squared; height of a row       \
                                   */
@@ -131,10 +132,11 @@ typedef struct {
     uint32_t facing;     /* triangle of the other body that was met last */
 } palp_lattice;
 
-/* What fillings did: tables begun, nodes and rows of cells visited, gaps of the tool evaluated,
- * shots and the triangles that they crossed, nodes asked how they are bent. */
+/* What fillings did: tables begun, nodes and rows of cells visited, nodes within reach tested, gaps
+ * of the tool evaluated, feet sought, shots and the triangles that they crossed, points of the last
+ * tick looked for, nodes asked how they are bent. */
 typedef struct {
-    uint32_t fillings, around, evaluations, shots, crossings, bent;
+    uint32_t fillings, around, nodes, evaluations, feet, shots, crossings, kept, bent;
 } palp_lattice_counts;
 
 /* What a lattice works on. */

@@ -3,6 +3,7 @@
 #ifndef PALP_CONTACT_LATTICE_INTERNAL_H
 #define PALP_CONTACT_LATTICE_INTERNAL_H
 
+#include "core/base/apart.h"
 #include "core/contact/lattice.h"
 
 #define PALP_LATTICE_MARKED                                                                        \
@@ -93,8 +94,9 @@ static inline palp_vec3 palp_lattice_face(const palp_lattice_room *r) {
 
 /* ---- lattice_table.c ---- */
 
-/* The slot of a key: where it is, or where it would go. The table never fills up: sites that are
- * shot at or marked are fewer than half of it. */
+/* The slot of a key: where it is, or where it would go; or, when PALP_LATTICE_PROBES slots in a row
+ * have others, one of theirs: then there is no room for it. Sites that are shot at or marked are
+ * fewer than half of the table, so that hardly ever happens. */
 uint32_t palp_lattice_slot(const palp_lattice_table *table, uint32_t key);
 
 static inline uint32_t palp_lattice_key(int32_t i, int32_t j) {
@@ -116,9 +118,6 @@ palp_gap palp_lattice_gap(palp_lattice_filling *f, palp_vec3 y);
 bool palp_lattice_enter(palp_lattice_filling *f, palp_vec3 from, palp_vec3 direction,
                         palp_surface_point *at);
 
-/* Whether the lattice has shot at the site next to a point of the surface, or cannot. */
-bool palp_lattice_knows(const palp_lattice_filling *f, palp_vec3 y);
-
 /* Marks the sites next to the points that carried force in the last tick. They are kept whatever is
  * foreseen, so that only a solved contact lets them go. */
 void palp_lattice_want_pressed(const palp_lattice_filling *f);
@@ -126,6 +125,10 @@ void palp_lattice_want_pressed(const palp_lattice_filling *f);
 /* Fills the region around a point of the surface and keeps its deepest point for the next filling;
  * false if the lattice finds nothing there. */
 bool palp_lattice_fill_region(palp_lattice_filling *f, const palp_surface_point *from);
+
+/* The same, unless the lattice has shot at the site next to the point, or cannot. Each region that
+ * it fills takes a shot. */
+void palp_lattice_fill_unknown(palp_lattice_filling *f, const palp_surface_point *from);
 
 /* ---- lattice_regions.c ---- */
 

@@ -28,27 +28,25 @@ static palp_vec3 way_to_edges(const palp_lattice_filling *f, uint32_t body, uint
 
 /* Of which a tool is all that is within a radius: a ball's centre, or the middle of a cylinder. */
 static bool has_core(const palp_lattice_filling *f) {
-    return f->central ||
-           (f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_CYLINDER);
+    return f->central || (f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_CYLINDER);
 }
 
-/* Whether one of a field's extremes is looked from: in turn with the nearest place, which goes to and fro
- * between a thin tool and the surface but little by little. */
+/* Whether one of a field's extremes is looked from: in turn with the nearest place, which goes to
+ * and fro between a thin tool and the surface but little by little. */
 static bool from_extreme(const palp_lattice_filling *f, uint32_t look) {
     return f->r->other.surface == NULL && f->r->tool->shape == PALP_TOOL_FIELD &&
            f->r->tool->field.extremes > 0u && look % 2u == 0u;
 }
 
-/* Where the search for the foot begins, before a surface with the normal n at rest: a ball's centre, the
- * place inside a cylinder or the extreme of a field that lies deepest; of any other tool its nearest
- * place. */
+/* Where the search for the foot begins, before a surface with the normal n at rest: a ball's
+ * centre, the place inside a cylinder or the extreme of a field that lies deepest; of any other
+ * tool its nearest place. */
 static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap gap, palp_vec3 n,
                            uint32_t look) {
     const palp_lattice_room *r = f->r;
     const bool extreme = from_extreme(f, look);
     float gone;
     if (!has_core(f) && !extreme) return palp_madd(y, -gap.gap_m, gap.normal);
-    r->done->evaluations++; /* half of one */
     const palp_vec3 beside = palp_lattice_beside(f, y, &gone);
     if (f->central) return palp_sub(palp_add(f->moved.t, palp_lattice_center(r)), beside);
     const palp_vec3 down = palp_rotate_back(f->moved.r, palp_scale(-1.0f, n));
@@ -61,10 +59,8 @@ static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap 
 /* From a node towards the point of the surface that lies deepest in the tool nearby. Each shot goes
  * against the normal where the last one met the surface, which finds the foot on smooth places;
  * where that leads away, as it does about an edge, it turns half back. */
-static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p) {
+PALP_APART static bool walk_to_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p) {
     const palp_lattice_room *r = f->r;
-    if (f->feet == 0u) return false;
-    f->feet--;
     palp_gap least = palp_lattice_gap(f, palp_lattice_world(r, p));
     palp_vec3 best = least.normal, way = best;
     palp_surface_point trial = *p;
@@ -73,12 +69,12 @@ static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point
             f, p->body, node,
             foot_from(f, palp_lattice_world(r, p), least, palp_lattice_normal(r, p), 0));
     bool met = false;
+    r->done->feet++;
     for (uint32_t k = 0; k < FEET; k++) {
         const palp_vec3 n = palp_lattice_normal(r, p);
         const palp_vec3 at = foot_from(f, palp_lattice_world(r, p), least, n, k);
         const bool extreme = from_extreme(f, k);
         const palp_vec3 along = extreme ? palp_scale(-1.0f, n) : way;
-        r->done->shots++;
         if (!palp_lattice_enter(f, at, along, &trial)) {
             if (extreme) continue; /* it lies beyond an edge */
             break;
@@ -96,6 +92,12 @@ static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point
         }
     }
     return met && palp_dot(least.normal, palp_lattice_normal(r, p)) < 0.0f;
+}
+
+static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p) {
+    if (f->feet == 0u) return false;
+    f->feet--;
+    return walk_to_foot(f, node, p);
 }
 
 palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node) {
@@ -126,15 +128,20 @@ static cell_range cells_around(const palp_blob *b, palp_vec3 c, float reach) {
 }
 
 /* No neighbour lies deeper in the tool. */
-static bool is_deepest(palp_lattice_filling *f, uint32_t body, uint32_t node, float gap_m) {
+PALP_APART static bool is_below_ring(palp_lattice_filling *f, uint32_t body, uint32_t node,
+                                     float gap_m) {
     const palp_blob *b = palp_lattice_surface(f->r, body)->blob;
-    if (f->rings == 0u) return false;
-    f->rings--;
     for (uint32_t k = b->ring_offset[node]; k < b->ring_offset[node + 1u]; k++) {
         if (palp_lattice_gap(f, palp_lattice_node(f->r, body, b->ring[k])).gap_m < gap_m)
             return false;
     }
     return true;
+}
+
+static bool is_deepest(palp_lattice_filling *f, uint32_t body, uint32_t node, float gap_m) {
+    if (f->rings == 0u) return false;
+    f->rings--;
+    return is_below_ring(f, body, node, gap_m);
 }
 
 float palp_lattice_reach(const palp_tool *tool, const palp_blob *blob) {
@@ -162,14 +169,13 @@ static void measure_node(palp_lattice_filling *f, uint32_t body, uint32_t node, 
 static void seek_region(palp_lattice_filling *f, uint32_t body, uint32_t node, float gap_m) {
     palp_surface_point p = palp_lattice_at_node(palp_lattice_surface(f->r, body), body, node);
     if (gap_m < 0.0f) {
-        if (palp_lattice_knows(f, palp_lattice_world(f->r, &p))) return;
-        (void)palp_lattice_fill_region(f, &p);
+        palp_lattice_fill_unknown(f, &p);
         return;
     }
     if (!is_deepest(f, body, node, gap_m)) return;
-    if (!find_foot(f, node, &p) || palp_lattice_knows(f, palp_lattice_world(f->r, &p))) return;
+    if (!find_foot(f, node, &p)) return;
     if (palp_lattice_gap(f, palp_lattice_world(f->r, &p)).gap_m >= 0.0f) return;
-    (void)palp_lattice_fill_region(f, &p);
+    palp_lattice_fill_unknown(f, &p);
 }
 
 void palp_lattice_move_watched(palp_lattice *l, const palp_lattice_room *r) {
@@ -229,11 +235,10 @@ typedef struct {
     palp_far_field_sums bent;
 } visit;
 
-/* Whether a place, from the tool's reference point, is to be tested: not what lies beyond the box of a
- * long tool. */
-static bool may_meet(palp_lattice_filling *f, palp_vec3 off) {
+/* Whether a place, from the tool's reference point, is to be tested: not what lies beyond the box
+ * of a long tool. */
+PALP_APART static bool field_may_meet(palp_lattice_filling *f, palp_vec3 off) {
     const palp_lattice_room *r = f->r;
-    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return true;
     const float reach = palp_max(r->size_m, f->far_m); /* whichever a visit asks for */
     r->done->around++;
     if (!palp_tool_may_reach(r->tool, palp_rotate_back(f->moved.r, off), reach)) return false;
@@ -242,16 +247,19 @@ static bool may_meet(palp_lattice_filling *f, palp_vec3 off) {
     return true;
 }
 
-static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_t node) {
+static bool may_meet(palp_lattice_filling *f, palp_vec3 off) {
     const palp_lattice_room *r = f->r;
-    const palp_surface *surface = palp_lattice_surface(r, body);
-    const palp_blob *b = surface->blob;
+    if (r->other.surface != NULL || r->tool->shape != PALP_TOOL_FIELD) return true;
+    return field_may_meet(f, off);
+}
+
+/* A node within reach, at `off` from the middle of the visit. */
+PALP_APART static void test_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_t node,
+                                 palp_vec3 off) {
+    const palp_lattice_room *r = f->r;
+    const palp_blob *b = palp_lattice_surface(r, body)->blob;
     const float margin = PALP_LATTICE_MARGIN * b->meta->mean_edge_m;
-    if (surface->assembly != NULL && palp_surface_is_inner(surface, b->regular.triangle[node]))
-        return;
-    palp_vec3 off = palp_sub(palp_lattice_node(r, body, node), v->c);
-    r->done->around++;
-    if (palp_dot(off, off) > r->reach_m * r->reach_m || !may_meet(f, off)) return;
+    r->done->nodes++;
     palp_gap gap = palp_lattice_gap(f, palp_add(v->c, off));
     if (gap.gap_m < v->bent_within_m)
         add_bent(f, &v->bent, body, node, off, palp_max(gap.gap_m / r->size_m, 0.0f));
@@ -262,8 +270,22 @@ static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_
           (palp_lattice_watch){
               .body = body, .node = node, .x_m = palp_add(v->c, off), .gap_m = gap.gap_m});
     if (gap.gap_m > margin) return;
-    if (v->of == PALP_LATTICE_TO_MEASURE) measure_node(f, body, node, gap.gap_m);
-    if (v->of == PALP_LATTICE_TO_SEEK) seek_region(f, body, node, gap.gap_m);
+    if (v->of == PALP_LATTICE_TO_MEASURE)
+        measure_node(f, body, node, gap.gap_m);
+    else
+        seek_region(f, body, node, gap.gap_m);
+}
+
+static void visit_node(palp_lattice_filling *f, visit *v, uint32_t body, uint32_t node) {
+    const palp_lattice_room *r = f->r;
+    const palp_surface *surface = palp_lattice_surface(r, body);
+    if (surface->assembly != NULL &&
+        palp_surface_is_inner(surface, surface->blob->regular.triangle[node]))
+        return;
+    palp_vec3 off = palp_sub(palp_lattice_node(r, body, node), v->c);
+    r->done->around++;
+    if (palp_dot(off, off) > r->reach_m * r->reach_m || !may_meet(f, off)) return;
+    test_node(f, v, body, node, off);
 }
 
 static void visit_body(palp_lattice_filling *f, visit *v, uint32_t body) {

@@ -24,7 +24,7 @@ palp_vec3 palp_lattice_beside(const palp_lattice_filling *f, palp_vec3 y, float 
 }
 
 /* The gap at a place that the body has been moved to, seen from what presses. */
-static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
+PALP_APART static palp_gap gap_at(palp_lattice_filling *f, palp_vec3 y) {
     const palp_lattice_room *r = f->r;
     f->r->done->evaluations++;
     if (r->other.surface == NULL) return palp_tool_gap(r->tool, &f->moved, y);
@@ -111,7 +111,8 @@ bool palp_lattice_enter(palp_lattice_filling *f, palp_vec3 from, palp_vec3 direc
 
 /* What the shot at (a, b) of the map meets, beginning on p->at.triangle; false if there is nothing
  * to touch. `pressed`: it carried force in the last tick. */
-static bool shoot(palp_lattice_filling *f, float a, float b, bool pressed, palp_contact_point *p) {
+PALP_APART static bool shoot(palp_lattice_filling *f, float a, float b, bool pressed,
+                             palp_contact_point *p) {
     const palp_lattice *l = f->l;
     palp_vec3 from = palp_add(f->moved.t, l->at.origin_m);
     p->direction = direction_of(f, a, b);
@@ -150,6 +151,10 @@ static void shoot_at_site(palp_lattice_filling *f, int32_t i, int32_t j,
     const bool known = r->table->key[slot] == key;
     const bool pressed = known && r->table->point[slot] == PALP_LATTICE_MARKED;
     if (known && !pressed) return;
+    if (!known && r->table->key[slot] != 0u) { /* no room for it */
+        f->full = true;
+        return;
+    }
     f->full = f->full || f->shots_left == 0u;
     if (f->shots_left == 0u) return;
     f->shots_left--;
@@ -188,11 +193,13 @@ static bool nearest_site(const palp_lattice_filling *f, palp_vec3 y, int32_t sit
     return true;
 }
 
-bool palp_lattice_knows(const palp_lattice_filling *f, palp_vec3 y) {
+/* Whether the lattice has shot at the site next to a point of the surface, or cannot. */
+static bool knows(const palp_lattice_filling *f, palp_vec3 y) {
     int32_t site[2];
     if (!nearest_site(f, y, site)) return true;
     uint32_t key = palp_lattice_key(site[0], site[1]), slot = palp_lattice_slot(f->r->table, key);
-    return f->r->table->key[slot] == key && f->r->table->point[slot] != PALP_LATTICE_MARKED;
+    if (f->r->table->key[slot] != key) return f->r->table->key[slot] != 0u; /* no room for it */
+    return f->r->table->point[slot] != PALP_LATTICE_MARKED;
 }
 
 void palp_lattice_want_pressed(const palp_lattice_filling *f) {
@@ -203,9 +210,9 @@ void palp_lattice_want_pressed(const palp_lattice_filling *f) {
         int32_t site[2];
         if (p->patch != r->number || !(p->force_N > 0.0f)) continue;
         left--;
-        r->done->evaluations++; /* it costs less */
         if (!nearest_site(f, palp_lattice_world(r, &p->at), site)) continue;
         uint32_t key = palp_lattice_key(site[0], site[1]), slot = palp_lattice_slot(r->table, key);
+        if (r->table->key[slot] != 0u && r->table->key[slot] != key) continue; /* no room for it */
         r->table->key[slot] = key;
         r->table->point[slot] = PALP_LATTICE_MARKED;
     }
@@ -218,7 +225,7 @@ static bool flood(palp_lattice_filling *f, const palp_surface_point *seed) {
     int32_t site[2];
     if (!nearest_site(f, palp_lattice_world(f->r, seed), site)) return false;
     shoot_at_site(f, site[0], site[1], seed);
-    /* at most the room */
+    /* at most points in all of palp_lattice_fill */
     for (uint32_t k = before; k < *f->r->count; k++) {
         const int32_t at[2] = {f->r->point[k].i, f->r->point[k].j};
         const palp_surface_point near = f->r->point[k].at;
@@ -228,7 +235,7 @@ static bool flood(palp_lattice_filling *f, const palp_surface_point *seed) {
     return *f->r->count > before;
 }
 
-bool palp_lattice_fill_region(palp_lattice_filling *f, const palp_surface_point *from) {
+PALP_APART bool palp_lattice_fill_region(palp_lattice_filling *f, const palp_surface_point *from) {
     uint32_t before = *f->r->count, deepest = before;
     if (!flood(f, from)) return false;
     for (uint32_t k = before; k < *f->r->count; k++) {
@@ -238,4 +245,12 @@ bool palp_lattice_fill_region(palp_lattice_filling *f, const palp_surface_point 
     if (f->regions < PALP_LATTICE_SEEDS) f->regions++;
     f->end[f->regions - 1u] = *f->r->count;
     return true;
+}
+
+void palp_lattice_fill_unknown(palp_lattice_filling *f, const palp_surface_point *from) {
+    if (knows(f, palp_lattice_world(f->r, from))) return;
+    if (f->shots_left == 0u)
+        f->full = true;
+    else
+        (void)palp_lattice_fill_region(f, from);
 }

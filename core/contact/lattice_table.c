@@ -8,11 +8,11 @@ void palp_lattice_clear(palp_lattice_table *table) {
 
 uint32_t palp_lattice_slot(const palp_lattice_table *t, uint32_t key) {
     uint32_t slot = (key * 2654435761u) >> 22u;
-    for (uint32_t k = 0; k < PALP_LATTICE_SLOTS; k++) {
-        uint32_t at = (slot + k) & (PALP_LATTICE_SLOTS - 1u);
-        if (t->key[at] == key || t->key[at] == 0u) return at;
+    for (uint32_t k = 0; k < PALP_LATTICE_PROBES; k++, slot++) {
+        slot &= PALP_LATTICE_SLOTS - 1u;
+        if (t->key[slot] == key || t->key[slot] == 0u) return slot;
     }
-    return 0u;
+    return slot - 1u;
 }
 
 uint32_t palp_lattice_find(const palp_lattice_table *table, int16_t i, int16_t j) {

@@ -2,26 +2,26 @@
 /* How a lattice follows the overlap: its axis, origin and spacing. */
 #include "core/contact/lattice_internal.h"
 
-#define FARTHEST -0.7f /* cosine with the first axis at which one begins anew */
-#define SHALLOW 0.4f   /* overlap over the size, from which a sphere's shots come from behind it */
-#define OFF 0.1f       /* of the size: how far off the surface a tip may be found */
-#define WHOLE 0.1f     /* change of that in a filling */
-#define SUNK 0.8f      /* and from which it has sunk in, */
-#define SUNK_ALL 1.2f  /* up to here */
+#define FARTHEST -0.7f  /* cosine with the first axis at which one begins anew */
+#define SHALLOW 0.4f    /* overlap over the size, from which a sphere's shots come from behind it */
+#define OFF 0.1f        /* of the size: how far off the surface a tip may be found */
+#define WHOLE 0.1f      /* change of that in a filling */
+#define SUNK 0.8f       /* and from which it has sunk in, */
+#define SUNK_ALL 1.2f   /* up to here */
 #define FAR_BEHIND 2.0f /* over the size: where shots of one that has sunk in come from, besides */
-#define DAMPED 0.4f    /* share of a change that turns back on the last one */
-#define LARGE 0.1f     /* weight over the largest region's, at which a region counts half */
-#define APART 0.6f     /* length of the mean direction up to which an axis hardly follows */
-#define GATHERED 0.8f  /* and from which it follows at once */
-#define SLOWEST 0.03f  /* share of a change that it takes up in a filling at least */
-#define SLOWER 0.3f    /* the same of the spacing, over several regions */
-#define COVERS 0.4f    /* share of a pad's face from which a lattice begins to keep to its middle */
-#define COVERED 0.8f   /* and keeps to it */
-#define FLOOR 0.015f   /* radius that the smallest contact is taken to have, over the tool's size */
+#define DAMPED 0.4f     /* share of a change that turns back on the last one */
+#define LARGE 0.1f      /* weight over the largest region's, at which a region counts half */
+#define APART 0.6f      /* length of the mean direction up to which an axis hardly follows */
+#define GATHERED 0.8f   /* and from which it follows at once */
+#define SLOWEST 0.03f   /* share of a change that it takes up in a filling at least */
+#define SLOWER 0.3f     /* the same of the spacing, over several regions */
+#define COVERS 0.4f  /* share of a pad's face from which a lattice begins to keep to its middle */
+#define COVERED 0.8f /* and keeps to it */
+#define FLOOR 0.015f /* radius that the smallest contact is taken to have, over the tool's size */
 #define CELL_CHANGE 0.06f /* relative change of the cells that calls for another filling */
 
-/* The tangent for an axis: that of the first one, turned along the shortest way. So it depends on the
- * axis alone, and not on the way that it has come. */
+/* The tangent for an axis: that of the first one, turned along the shortest way. So it depends on
+ * the axis alone, and not on the way that it has come. */
 static palp_vec3 tangent_for(const palp_lattice *l, palp_vec3 axis) {
     const float facing = 1.0f + palp_dot(l->first_axis, axis);
     const palp_vec3 t = l->first_tangent;
@@ -122,8 +122,8 @@ static float sunk(const palp_lattice_room *r, float deepest_m) {
     return palp_clamp((deepest_m / half - SUNK) / (SUNK_ALL - SUNK), 0.0f, 1.0f);
 }
 
-/* The part of a field that is pressed: where the axis leaves it below the deepest point, while that can be
- * told. */
+/* The part of a field that is pressed: where the axis leaves it below the deepest point, while that
+ * can be told. */
 static void find_tip(palp_lattice *l, const palp_lattice_room *r, const palp_lattice_filling *f,
                      const palp_contact_point *deepest) {
     const palp_tool_press press = palp_lattice_press(&l->used, deepest->n);

@@ -21,7 +21,7 @@ static void raise(palp_load_list *l, const palp_blob *blob, uint32_t first) {
     const palp_domain *d = &blob->domain[PALP_FREE];
     const uint32_t nodes = blob->level[blob->meta->constraint_level].nodes;
     uint32_t i = first;
-    /* at most levels + 1 times the loads */
+    /* at most (levels + 1) * loads */
     while (i < l->count) {
         palp_load fine = l->load[i];
         if (fine.at.slot < nodes) {

@@ -160,6 +160,13 @@ palp_status palp_contact_init(palp_contact *c, const palp_contact_config *config
         c->frame = c->assembly->world;
         palp_contact_open_patches(c);
     }
+    for (uint32_t t = 0; t < c->tool_count; t++) {
+        c->extent_m[t] = palp_tool_extent(&c->tools[t]);
+        c->reach_m[t] = 0.0f;
+        for (uint32_t b = 0; b < c->bodies; b++)
+            c->reach_m[t] =
+                palp_max(c->reach_m[t], palp_lattice_reach(&c->tools[t], c->surface[b].blob));
+    }
     palp_contact_forget_nodes(c);
     palp_contact_clear(c);
     return PALP_OK;

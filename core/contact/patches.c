@@ -2,6 +2,7 @@
 /* What meets what: the tools and zones that lie near each other, and where each is seen from the
  * body that it presses. */
 #include "core/contact/contact_internal.h"
+#include "core/base/apart.h"
 #include "core/contact/facing.h"
 
 #define BENT 0.1f /* of a zone's diagonal: how far it may be bent */
@@ -308,7 +309,7 @@ static void track_closest(palp_contact *c) {
 }
 
 /* Compares the next nodes in turn with the other zones. */
-static void meet_zones(palp_contact *c) {
+PALP_APART static void meet_zones(palp_contact *c) {
     const palp_zones *z = c->assembly->zones;
     for (uint32_t k = c->tool_count; k < c->patches; k++) {
         palp_contact_patch *p = &c->patch[k];
@@ -322,7 +323,7 @@ static void meet_zones(palp_contact *c) {
     uint32_t body = 0;
     for (uint32_t k = 0; k < PALP_CONTACT_SCAN; k++) {
         c->scan = c->scan + 1u < z->nodes ? c->scan + 1u : 0u;
-        while (body > 0u && c->scan < z->part[body].first_node) body--; /* at most zones in all */
+        while (body > 0u && c->scan < z->part[body].first_node) body--; /* at most zones */
         /* at most zones */
         while (body + 1u < c->bodies && c->scan >= z->part[body + 1u].first_node) body++;
         const uint32_t node = c->scan - z->part[body].first_node;

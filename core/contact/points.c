@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* What is asked of the contact points of a tick, and what each side of them presses. */
+#include "core/base/apart.h"
 #include "core/contact/contact_internal.h"
 #include "core/contact/facing.h"
 
@@ -40,13 +41,27 @@ static const palp_contact_point *last_of(const palp_contact *c, const palp_conta
 
 /* ---- corners ---- */
 
-static uint32_t slot_of_node(const palp_contact *c, uint32_t body, uint32_t node) {
+/* Puts a node at the end of the list; returns how many there are then. */
+static uint32_t list_node(palp_contact *c, uint32_t body, uint32_t node) {
+    c->node_bent_m[c->nodes] = palp_surface_bent(&c->surface[body], node);
+    c->node_body[c->nodes] = body;
+    c->node[c->nodes++] = node;
+    return c->nodes;
+}
+
+/* Where a node is in the list. One whose PALP_CONTACT_NODE_PROBES slots all have others is listed
+ * once for each corner, for which there is room. */
+static uint32_t place_in_list(palp_contact *c, uint32_t body, uint32_t node) {
     uint32_t slot = ((node + 65536u * body) * 2654435761u) >> 22u;
-    for (uint32_t k = 0; k < PALP_CONTACT_NODE_SLOTS; k++) {
-        uint32_t at = (slot + k) & (PALP_CONTACT_NODE_SLOTS - 1u), n = c->node_slot[at];
-        if (n == 0u || (c->node[n - 1u] == node && c->node_body[n - 1u] == body)) return at;
+    for (uint32_t k = 0; k < PALP_CONTACT_NODE_PROBES; k++, slot++) {
+        slot &= PALP_CONTACT_NODE_SLOTS - 1u;
+        const uint32_t n = c->node_slot[slot];
+        if (n > 0u && c->node[n - 1u] == node && c->node_body[n - 1u] == body) return n - 1u;
+        if (n > 0u) continue;
+        c->node_slot[slot] = (uint16_t)list_node(c, body, node);
+        return c->nodes - 1u;
     }
-    return 0u;
+    return list_node(c, body, node) - 1u;
 }
 
 void palp_contact_forget_nodes(palp_contact *c) {
@@ -61,14 +76,7 @@ static palp_vec3 list_corners(palp_contact *c, uint32_t side, uint32_t body,
     const uint32_t *v = surface->blob->triangle + 3u * (size_t)at->triangle;
     palp_vec3 bent = {0};
     for (uint32_t k = 0; k < 3u; k++) {
-        uint32_t slot = slot_of_node(c, body, v[k]);
-        if (c->node_slot[slot] == 0u) {
-            c->node_bent_m[c->nodes] = palp_surface_bent(surface, v[k]);
-            c->node_body[c->nodes] = body;
-            c->node[c->nodes++] = v[k];
-            c->node_slot[slot] = (uint16_t)c->nodes;
-        }
-        c->corner[side][k] = (uint16_t)(c->node_slot[slot] - 1u);
+        c->corner[side][k] = (uint16_t)place_in_list(c, body, v[k]);
         if (surface->assembly != NULL)
             bent = palp_madd(bent, at->weight[k], c->node_bent_m[c->corner[side][k]]);
     }
@@ -109,7 +117,7 @@ uint32_t palp_contact_other_triangle(const palp_contact *contact, const palp_con
 
 /* The direction and the place that a point of one zone meets another one in, where both have gone
  * together. */
-static void meet(palp_contact *c, uint32_t i) {
+PALP_APART static void meet(palp_contact *c, uint32_t i) {
     palp_contact_point *p = &c->point[i];
     palp_contact_patch *patch = &c->patch[p->patch];
     palp_contact_facing *z = &c->facing[i];
@@ -177,7 +185,8 @@ static palp_vec3 field_at(const palp_far_field *f, palp_vec3 y) {
     return palp_add(f->mean_m, palp_far_field_beside(f, y, &gone));
 }
 
-/* What a new point is taken to have been displaced by, besides being bent: as its lattice has met it. */
+/* What a new point is taken to have been displaced by, besides being bent: as its lattice has met
+ * it. */
 static palp_vec3 gone_with(const palp_contact *c, const palp_contact_point *p) {
     const palp_contact_patch *patch = &c->patch[p->patch];
     palp_vec3 u = field_at(&patch->lattice.used.far_field, p->y);
@@ -217,7 +226,7 @@ static void linearise(palp_contact *c, uint32_t i) {
 }
 
 /* The other side of a point between zones; it is asked that the two do not pass each other. */
-static void add_other_side(palp_contact *c, uint32_t i) {
+PALP_APART static void add_other_side(palp_contact *c, uint32_t i) {
     const palp_contact_patch *patch = &c->patch[c->point[i].patch];
     const palp_contact_facing *z = &c->facing[i];
     const uint32_t side = c->sides++;

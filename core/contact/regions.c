@@ -26,7 +26,7 @@ static void claim(palp_contact *c, uint32_t tool, uint32_t from, uint32_t number
     uint32_t listed = 1;
     list[0] = (uint16_t)from;
     c->point[from].region = (uint8_t)number;
-    /* at most all points: each comes on the list once */
+    /* at most active in all of palp_contact_regions: each comes on the list once */
     for (uint32_t k = 0; k < listed; k++) {
         const palp_contact_point *p = &c->point[list[k]];
         for (uint32_t s = 0; s < 6u; s++) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tool.h"
+#include "core/base/apart.h"
 
 #define BETA PALP_TOOL_BETA
 #define HEIGHT 0.6f       /* sqrt(1 - BETA^2) */
@@ -175,7 +176,7 @@ static float face_height(const palp_pad *p, float u, float v, float gradient[2])
     return height;
 }
 
-static palp_touch pad_at(const palp_pad *p, palp_vec3 r, palp_vec3 n) {
+PALP_APART static palp_touch pad_at(const palp_pad *p, palp_vec3 r, palp_vec3 n) {
     float u = palp_dot(r, p->axis[0]), v = palp_dot(r, p->axis[1]), gradient[2];
     float facing = -palp_dot(n, p->axis[2]);
     float over_cosine = 1.0f / palp_max(facing, LEAST_FACING);
@@ -192,7 +193,7 @@ static palp_touch pad_at(const palp_pad *p, palp_vec3 r, palp_vec3 n) {
 
 /* In the plane across the axis, where the node's normal has the length `lean`; the rims take away
  * from it beyond the ends. */
-static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 r, palp_vec3 n) {
+PALP_APART static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 r, palp_vec3 n) {
     float z = palp_dot(r, y->axis), slope_over_t, rim_over_t;
     palp_vec3 across = palp_madd(r, -z, y->axis);
     palp_vec3 flat = palp_madd(n, -palp_dot(n, y->axis), y->axis);
@@ -217,7 +218,7 @@ static palp_touch cylinder_at(const palp_cylinder *y, palp_vec3 r, palp_vec3 n) 
                         .push = palp_scale(1.0f / lean, push)};
 }
 
-static palp_touch balls_at(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
+PALP_APART static palp_touch balls_at(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
     palp_touch touch = ball_at(&tool->ball[0], x, n);
     for (uint32_t i = 1; i < tool->balls; i++) {
         float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
@@ -227,7 +228,7 @@ static palp_touch balls_at(const palp_tool *tool, palp_vec3 x, palp_vec3 n) {
 }
 
 /* The distance along the field's own direction, over how well the node faces it. */
-static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
+PALP_APART static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
     const palp_tool_distance d = palp_tool_field_at(f, x);
     const float facing = -palp_dot(n, d.slope);
     const float over = 1.0f / palp_max(facing, LEAST_FACING);
@@ -235,11 +236,11 @@ static palp_touch field_at(const palp_tool_field *f, palp_vec3 x, palp_vec3 n) {
         .depth_m = -d.distance_m * over, .facing = facing, .push = palp_scale(-over, d.slope)};
 }
 
-/* A ball along a segment: of its places c = s a the one that drives the node deepest along -n. Of the
- * depth n.(x - c) + sqrt(R^2 - |p - s a'|^2), with p and a' what of x and of the axis lies across n, it is
- * where s = (p.a' - (n.a) sqrt(R^2 |a'|^2 - |p x a'|^2)) / |a'|^2, within the segment. Moving c along
- * the axis changes nothing there, so the push is that of the ball at c. */
-static palp_touch capsule_at(const palp_cylinder *y, palp_vec3 x, palp_vec3 n) {
+/* A ball along a segment: of its places c = s a the one that drives the node deepest along -n. Of
+ * the depth n.(x - c) + sqrt(R^2 - |p - s a'|^2), with p and a' what of x and of the axis lies
+ * across n, it is where s = (p.a' - (n.a) sqrt(R^2 |a'|^2 - |p x a'|^2)) / |a'|^2, within the
+ * segment. Moving c along the axis changes nothing there, so the push is that of the ball at c. */
+PALP_APART static palp_touch capsule_at(const palp_cylinder *y, palp_vec3 x, palp_vec3 n) {
     const float lean = palp_dot(n, y->axis);
     const palp_vec3 a = palp_madd(y->axis, -lean, n);
     const palp_vec3 p = palp_madd(x, -palp_dot(x, n), n);
@@ -298,7 +299,7 @@ static palp_gap nearer(palp_gap a, palp_gap b, float width) {
 }
 
 /* A cylinder with rounded rims: distance from the inner cylinder, less the rim's radius. */
-static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 r) {
+PALP_APART static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 r) {
     float z = palp_dot(r, y->axis), rim = palp_min(y->rim_m, y->radius_m);
     palp_vec3 across = palp_madd(r, -z, y->axis);
     float distance = palp_norm(across), side = z >= 0.0f ? 1.0f : -1.0f;
@@ -312,7 +313,7 @@ static palp_gap gap_of_cylinder(const palp_cylinder *y, palp_vec3 r) {
     return out >= over ? (palp_gap){out - rim, radial} : (palp_gap){over - rim, along};
 }
 
-static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 r) {
+PALP_APART static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 r) {
     float gradient[2];
     float height = face_height(p, palp_dot(r, p->axis[0]), palp_dot(r, p->axis[1]), gradient);
     float slope = palp_sqrt(1.0f + gradient[0] * gradient[0] + gradient[1] * gradient[1]);
@@ -321,7 +322,7 @@ static palp_gap gap_of_pad(const palp_pad *p, palp_vec3 r) {
     return (palp_gap){(palp_dot(r, p->axis[2]) - height) / slope, palp_scale(1.0f / slope, n)};
 }
 
-static palp_gap gap_of_balls(const palp_tool *tool, palp_vec3 x) {
+PALP_APART static palp_gap gap_of_balls(const palp_tool *tool, palp_vec3 x) {
     palp_gap gap = gap_of_ball(&tool->ball[0], x);
     for (uint32_t i = 1; i < tool->balls; i++) {
         float width = MERGE * palp_min(tool->ball[i].radius_m, tool->ball[i - 1u].radius_m);
@@ -338,7 +339,7 @@ static palp_gap gap_of_distance(palp_tool_distance d) {
                       slope > 0.0f ? palp_scale(1.0f / slope, d.slope) : up};
 }
 
-static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
+PALP_APART static palp_gap gap_of_field(const palp_tool_field *f, palp_vec3 x) {
     return gap_of_distance(palp_tool_field_at(f, x));
 }
 
@@ -393,7 +394,8 @@ static palp_gap gap_of_plane(palp_gap there, float way, palp_vec3 a) {
 }
 
 /* Of the ball that the axis leaves last; where it meets none, the nearest side. */
-static palp_gap exit_of_balls(const palp_tool *tool, palp_vec3 x, palp_vec3 a, palp_gap nearest) {
+PALP_APART static palp_gap exit_of_balls(const palp_tool *tool, palp_vec3 x, palp_vec3 a,
+                                         palp_gap nearest) {
     palp_gap out = nearest;
     float farthest = 0.0f;
     for (uint32_t i = 0; i < tool->balls; i++) {
@@ -404,14 +406,16 @@ static palp_gap exit_of_balls(const palp_tool *tool, palp_vec3 x, palp_vec3 a, p
         const float way = palp_sqrt(palp_max(left2, 0.0f)) - along;
         if (way <= farthest || !(left2 > 0.0f)) continue;
         farthest = way;
-        out = gap_of_plane((palp_gap){0.0f, palp_scale(1.0f / radius, palp_madd(r, way, a))}, way, a);
+        out =
+            gap_of_plane((palp_gap){0.0f, palp_scale(1.0f / radius, palp_madd(r, way, a))}, way, a);
     }
     return out;
 }
 
 /* Where a line leaves a slab or round of half width `half`: at `from` along `slope` per length. */
 static float leaves_plane(float from, float slope, float half) {
-    return palp_abs(slope) > 1e-6f ? (half - (slope > 0.0f ? from : -from)) / palp_abs(slope) : 1e30f;
+    return palp_abs(slope) > 1e-6f ? (half - (slope > 0.0f ? from : -from)) / palp_abs(slope)
+                                   : 1e30f;
 }
 static float leaves_round(palp_vec3 from, palp_vec3 slope, float radius) {
     const float a = palp_dot(slope, slope), b = palp_dot(from, slope);
@@ -419,10 +423,10 @@ static float leaves_round(palp_vec3 from, palp_vec3 slope, float radius) {
     return a > 1e-6f ? (palp_sqrt(left) - b) / a : 1e30f;
 }
 
-/* Newton's method from the box about it: the distance of a convex tool is convex along a line, so each
- * step ends outside, at a plane that has all of it on one side. */
-static palp_gap exit_of_cylinder(const palp_cylinder *y, palp_vec3 x, palp_vec3 a,
-                                 palp_gap nearest) {
+/* Newton's method from the box about it: the distance of a convex tool is convex along a line, so
+ * each step ends outside, at a plane that has all of it on one side. */
+PALP_APART static palp_gap exit_of_cylinder(const palp_cylinder *y, palp_vec3 x, palp_vec3 a,
+                                            palp_gap nearest) {
     const float z = palp_dot(x, y->axis), rises = palp_dot(a, y->axis);
     const palp_vec3 across = palp_madd(x, -z, y->axis), aside = palp_madd(a, -rises, y->axis);
     float way = palp_min(leaves_plane(z, rises, y->half_m + y->rim_m),
@@ -446,7 +450,8 @@ static palp_gap gap_of_sides(const palp_tool *tool, palp_vec3 x, const palp_tool
                       palp_scale(1.0f / palp_max(palp_norm(n), 0.05f), n)};
 }
 
-/* The same of a field, from the plane before its tip; it need not be convex, and has PALP_TOOL_EXIT looks. */
+/* The same of a field, from the plane before its tip; it need not be convex, and has PALP_TOOL_EXIT
+ * looks. */
 static palp_gap exit_by_tip(const palp_tool_field *f, palp_vec3 x, const palp_tool_press *press) {
     const palp_vec3 a = press->axis;
     const palp_ball *tip = &press->tip;
@@ -463,7 +468,8 @@ static palp_gap exit_by_tip(const palp_tool_field *f, palp_vec3 x, const palp_to
     return met ? gap_of_plane(out, way, a) : gap;
 }
 
-static palp_gap along_field(const palp_tool_field *f, palp_vec3 x, const palp_tool_press *press) {
+PALP_APART static palp_gap along_field(const palp_tool_field *f, palp_vec3 x,
+                                       const palp_tool_press *press) {
     if (press->sunk > 0.5f && press->tip.radius_m > 0.0f) return exit_by_tip(f, x, press);
     const palp_tool_distance d = palp_tool_field_at(f, x);
     return d.distance_m < 0.0f ? gap_of_exit(f, x, press->axis, d) : gap_of_distance(d);
@@ -494,7 +500,7 @@ palp_gap palp_tool_gap_along(const palp_tool *tool, const palp_frame *at, palp_v
 
 /* ---- how far it extends ---- */
 
-static float largest_height(const palp_pad *p) {
+PALP_APART static float largest_height(const palp_pad *p) {
     float most = p->edge_m;
     for (uint32_t i = 0; i < p->columns * p->rows; i++)
         most = palp_max(most, palp_abs(p->height_m[i]));
@@ -606,8 +612,8 @@ palp_gap palp_tool_gap_flared(const palp_tool *tool, const palp_frame *at, palp_
     const bool known = tool->shape != PALP_TOOL_FIELD || press->tip.radius_m > 0.0f;
     if (facing >= ahead || !(share > 0.0f) || !(aside > 0.0f) || !palp_tool_flares(tool) || !known)
         return gap;
-    const palp_vec3 n = palp_madd(palp_scale(ahead, press->axis),
-                                  palp_sqrt(1.0f - ahead * ahead) / aside, side);
+    const palp_vec3 n =
+        palp_madd(palp_scale(ahead, press->axis), palp_sqrt(1.0f - ahead * ahead) / aside, side);
     const palp_vec3 own = palp_carry_back(at, x), own_n = palp_rotate_back(at->r, n);
     const float flared = palp_dot(own_n, own) - support_of(tool, &press->tip, own_n);
     const palp_vec3 mixed = palp_madd(gap.normal, share, palp_sub(n, gap.normal));

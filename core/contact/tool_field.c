@@ -29,8 +29,7 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
         extreme = palp_reader_section(&r, PALP_SEC_TOOL_EXTREME, m->extremes, 3u * sizeof *extreme);
     for (uint32_t k = 0; extreme != NULL && k < 3u * m->extremes; k++) {
         const float from = extreme[k] - m->origin_m[k % 3u];
-        palp_reader_require(&r, from >= 0.0f &&
-                                    from <= m->step_m * (float)(m->count[k % 3u] - 1u));
+        palp_reader_require(&r, from >= 0.0f && from <= m->step_m * (float)(m->count[k % 3u] - 1u));
     }
     palp_reader_require(&r, m->extreme_off_m >= 0.0f && palp_is_finite(m->extreme_off_m));
     if (r.status != PALP_OK) return r.status;

@@ -25,7 +25,8 @@ typedef struct {
     float step_m, unit_m;
     float radius_m; /* added around the mesh */
     float size_m;   /* radius of the largest ball inside */
-    const float *extreme; /* [extremes][3] places of the mesh, of which one lies outermost in each direction,
+    const float *
+        extreme; /* [extremes][3] places of the mesh, of which one lies outermost in each direction,
                              but for little; none in files of before */
     uint32_t extremes;
     float extreme_off_m; /* the little */
@@ -48,8 +49,8 @@ palp_status palp_tool_field_open(palp_tool_field *field, const void *data, size_
 /* Distance of a place from the tool, below 0 inside. Cost: 27 samples, about 200 operations. */
 palp_tool_distance palp_tool_field_at(const palp_tool_field *field, palp_vec3 own);
 
-/* The place of the mesh that lies outermost along a direction, in its own axes; the origin where the
- * file has none. 5 operations for each. */
+/* The place of the mesh that lies outermost along a direction, in its own axes; the origin where
+ * the file has none. 5 operations for each. */
 palp_vec3 palp_tool_field_extreme(const palp_tool_field *field, palp_vec3 direction);
 
 /* The corners of its grid, in its own axes. */

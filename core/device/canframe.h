@@ -11,6 +11,7 @@
 #define PALP_CAN_ERROR 4u
 #define PALP_CAN_FD 8u
 #define PALP_CAN_MAX_DATA 64u
+#define PALP_CAN_CLASSIC_DATA 8u
 
 typedef struct {
     uint32_t id; /* 11 or 29 bits */

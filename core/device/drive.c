@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "drive.h"
+#include "core/base/apart.h"
 #include "core/base/real.h"
 #include "core/device/cia402.h"
 #include "core/device/moteus.h"
@@ -14,6 +15,12 @@
 #define AGE_LIMIT 0x7fffffffu
 
 static const float not_a_number = __builtin_nanf("");
+
+uint32_t palp_drive_frame_bytes(const palp_drive_config *c) {
+    if (c->protocol == PALP_PROTOCOL_MOTEUS) return PALP_CAN_MAX_DATA;
+    return c->fd && c->protocol == PALP_PROTOCOL_PALP ? PALP_PROFILE_FD_STATUS
+                                                      : PALP_CAN_CLASSIC_DATA;
+}
 
 void palp_drive_init(palp_drive *drive, uint8_t node) {
     palp_e2e sent = drive->sent; /* its counter goes on, or the drive would refuse what follows */
@@ -40,10 +47,13 @@ static uint32_t repeat_ticks(const palp_drive_config *c) {
 
 /* ---- ODrive ---- */
 
+/* A remote frame is a question to the drive. */
+static bool odrive_is_for(const palp_drive *d, const palp_can_frame *f) {
+    return f->id >> 5 == d->node && f->flags != PALP_CAN_REMOTE;
+}
+
 static palp_rx_event odrive_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_odrive_message m;
-    if (frame->id >> 5 != d->node) return PALP_RX_NONE;
-    if (frame->flags == PALP_CAN_REMOTE) return PALP_RX_NONE; /* a question to the drive */
     if (palp_odrive_is_telemetry(frame)) return PALP_RX_STATUS;
     if (!palp_odrive_decode(frame, &m)) return PALP_RX_BAD;
     if (m.command == PALP_ODRIVE_ENCODER_ESTIMATES)
@@ -124,6 +134,12 @@ static palp_rx_event cia402_answer(palp_drive *d, const palp_drive_config *c, pa
     return heard(d, PALP_RX_STATUS);
 }
 
+static bool cia402_is_for(const palp_drive *d, const palp_can_frame *f) {
+    const uint32_t cob = f->id - d->node;
+    return cob == PALP_COB_TPDO1 || cob == PALP_COB_SDO_ANSWER || cob == PALP_COB_HEARTBEAT ||
+           cob == PALP_COB_EMCY;
+}
+
 static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
                                     const palp_can_frame *f) {
     palp_sdo sdo;
@@ -131,7 +147,8 @@ static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
         return palp_sdo_decode(f, f->id, &sdo) ? cia402_answer(d, c, sdo) : PALP_RX_BAD;
     if (f->id == PALP_COB_HEARTBEAT + d->node) {
         if (!palp_can_is(f, f->id, 0, 1)) return PALP_RX_BAD;
-        /* A drive that has restarted has forgotten its configuration; the high bit is node guarding. */
+        /* A drive that has restarted has forgotten its configuration; the high bit is node
+         * guarding. */
         if ((f->data[0] & 0x7fu) != PALP_NMT_STATE_OPERATIONAL) d->configured = d->enabled = false;
         return heard(d, PALP_RX_STATUS);
     }
@@ -140,7 +157,6 @@ static palp_rx_event cia402_receive(palp_drive *d, const palp_drive_config *c,
         d->error = palp_get_u16(f->data);
         return heard(d, PALP_RX_STATUS);
     }
-    if (f->id != PALP_COB_TPDO1 + d->node) return PALP_RX_NONE;
     if (!palp_can_is(f, f->id, 0, 8)) return PALP_RX_BAD;
     d->statusword = palp_get_u16(f->data);
     palp_cia402_state state = palp_cia402_state_of(d->statusword);
@@ -238,7 +254,6 @@ palp_drive_trouble palp_drive_trouble_of(const palp_drive *drive, const palp_dri
 
 static palp_rx_event moteus_receive(palp_drive *d, const palp_can_frame *frame) {
     palp_moteus_answer a;
-    if (frame->id >> 8 != d->node) return PALP_RX_NONE;
     if (!palp_moteus_decode_answer(frame, d->node, &a)) return PALP_RX_BAD;
     d->enabled = a.mode == PALP_MOTEUS_POSITION;
     d->error = a.mode == PALP_MOTEUS_FAULT     ? 0x100u | ((uint32_t)a.fault & 0xffu)
@@ -267,8 +282,8 @@ static uint32_t moteus_send(const palp_drive *d, const palp_drive_config *c,
 #define MIT_PATIENCE 10u /* ticks after "enter" in which a motor with a state says that it is on */
 #define MIT_ERRORS 8u    /* codes of the AK series are below; a temperature in their place is not */
 
-/* What form an answer has. A state that is not 0 is one; where none shows after "enter" and the last
- * byte can be an error, it is that; until then the state is believed. */
+/* What form an answer has. A state that is not 0 is one; where none shows after "enter" and the
+ * last byte can be an error, it is that; until then the state is believed. */
 static palp_mit_form mit_form(palp_drive *d, const palp_drive_config *c, const palp_mit_answer *a) {
     if (!a->is_long) return PALP_MIT_FORM_SHORT;
     if (c->form == PALP_MIT_FORM_STATE || c->form == PALP_MIT_FORM_ERROR) return c->form;
@@ -280,12 +295,17 @@ static palp_mit_form mit_form(palp_drive *d, const palp_drive_config *c, const p
     return d->form == PALP_MIT_FORM_ERROR ? d->form : PALP_MIT_FORM_STATE;
 }
 
+/* All answer under one id; what is no answer is bad whoever is asked. */
+static bool mit_is_for(const palp_drive *d, const palp_drive_config *c, const palp_can_frame *f) {
+    if (f->id != c->master_id) return false;
+    const uint32_t node = palp_mit_answer_node(f);
+    return node == d->node || node == PALP_MIT_NO_ANSWER || f->flags != kind_of(c);
+}
+
 static palp_rx_event mit_receive(palp_drive *d, const palp_drive_config *c,
                                  const palp_can_frame *f) {
     palp_mit_answer a;
-    if (f->id != c->master_id) return PALP_RX_NONE;
     if (!palp_mit_decode_answer(f, c->master_id, kind_of(c), &c->range, &a)) return PALP_RX_BAD;
-    if (a.node != d->node) return PALP_RX_NONE;
     /* Without a state the motor is on when it answers after "enter". */
     bool on = d->request == PALP_REQUEST_TORQUE ||
               (d->request == PALP_REQUEST_ENABLE && d->since_request > 2u);
@@ -315,7 +335,6 @@ static palp_rx_event profile_receive(palp_drive *d, const palp_drive_config *c,
                                      const palp_can_frame *f) {
     palp_profile_status s;
     palp_e2e_verdict verdict;
-    if (f->id != PALP_PROFILE_STATUS + d->node) return PALP_RX_NONE;
     if (!palp_profile_decode_status(&d->received, f, d->node, c->fd, &s, &verdict))
         return PALP_RX_BAD;
     if (verdict == PALP_E2E_REPEATED) return PALP_RX_REPEATED;
@@ -344,8 +363,25 @@ static uint32_t profile_send(palp_drive *d, const palp_drive_config *c, palp_dri
 
 /* ---- all of them ---- */
 
-palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
-                                 const palp_can_frame *frame) {
+static bool is_for(const palp_drive *d, const palp_drive_config *c, const palp_can_frame *f) {
+    switch (c->protocol) {
+    case PALP_PROTOCOL_ODRIVE:
+        return odrive_is_for(d, f);
+    case PALP_PROTOCOL_CIA402:
+        return cia402_is_for(d, f);
+    case PALP_PROTOCOL_MOTEUS:
+        return f->id >> 8 == d->node;
+    case PALP_PROTOCOL_MIT:
+        return mit_is_for(d, c, f);
+    case PALP_PROTOCOL_PALP:
+        return f->id == PALP_PROFILE_STATUS + d->node;
+    }
+    return false;
+}
+
+/* What is for a drive is for no other one: their nodes differ. */
+PALP_APART static palp_rx_event take(palp_drive *drive, const palp_drive_config *config,
+                                     const palp_can_frame *frame) {
     switch (config->protocol) {
     case PALP_PROTOCOL_ODRIVE:
         return odrive_receive(drive, frame);
@@ -359,6 +395,11 @@ palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *con
         return profile_receive(drive, config, frame);
     }
     return PALP_RX_NONE;
+}
+
+palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
+                                 const palp_can_frame *frame) {
+    return is_for(drive, config, frame) ? take(drive, config, frame) : PALP_RX_NONE;
 }
 
 static uint32_t send_by_protocol(palp_drive *drive, const palp_drive_config *config,
@@ -412,7 +453,7 @@ uint32_t palp_drives_send_shared(const palp_drive_config *config, uint64_t tick,
     if (config->protocol != PALP_PROTOCOL_CIA402) return 0;
     uint32_t n = 0;
     uint32_t every = (uint32_t)(0.25f * config->watchdog_s * config->rate_hz);
-    if (tick % (every > 0u ? every : 1u) == 0u)
+    if ((uint32_t)tick % (every > 0u ? every : 1u) == 0u)
         out[n++] = palp_heartbeat_encode(PALP_CANOPEN_HOST, PALP_NMT_STATE_OPERATIONAL);
     out[n++] = (palp_can_frame){.id = PALP_COB_SYNC}; /* behind the set-points that it applies */
     return n;
@@ -461,8 +502,8 @@ uint32_t palp_drive_filters(const palp_drive_config *config, uint8_t node,
         filter[3] = (palp_can_filter){.id = PALP_COB_HEARTBEAT + node, .mask = 0x7ff};
         return 4;
     case PALP_PROTOCOL_MOTEUS:
-        filter[0] = (palp_can_filter){
-            .id = moteus, .mask = 0x1fffffff, .flags = palp_can_id_flags(moteus)};
+        filter[0] =
+            (palp_can_filter){.id = moteus, .mask = 0x1fffffff, .flags = palp_can_id_flags(moteus)};
         return 1;
     case PALP_PROTOCOL_MIT:
         filter[0] = (palp_can_filter){.id = config->master_id, .mask = 0x7ff};

@@ -115,8 +115,11 @@ palp_drive_trouble palp_drive_trouble_of(const palp_drive *drive, const palp_dri
 /* Forgets all but the node number: the drive is to be probed anew. */
 void palp_drive_init(palp_drive *drive, uint8_t node);
 
-/* One received frame. Constant time but for moteus (the frame's bytes) and the protected profile
- * (8 per byte). */
+/* Most bytes of a received frame that are gone through one by one: moteus any of CAN FD, the
+ * protected profile those of a status. */
+uint32_t palp_drive_frame_bytes(const palp_drive_config *config);
+
+/* One received frame. Constant time but for those bytes. */
 palp_rx_event palp_drive_receive(palp_drive *drive, const palp_drive_config *config,
                                  const palp_can_frame *frame);
 

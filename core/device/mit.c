@@ -66,6 +66,11 @@ palp_can_frame palp_mit_encode_answer(uint32_t master_id, uint8_t flags,
     return f;
 }
 
+uint32_t palp_mit_answer_node(const palp_can_frame *frame) {
+    if (frame->length == 8u) return frame->data[0] & 0xfu;
+    return frame->length == 6u ? frame->data[0] : PALP_MIT_NO_ANSWER;
+}
+
 bool palp_mit_decode_answer(const palp_can_frame *frame, uint32_t master_id, uint8_t flags,
                             const palp_mit_range *range, palp_mit_answer *answer) {
     const uint8_t *d = frame->data;
@@ -73,7 +78,7 @@ bool palp_mit_decode_answer(const palp_can_frame *frame, uint32_t master_id, uin
     if (frame->length != 6u && frame->length != 8u) return false;
     bool is_long = frame->length == 8u;
     *answer = (palp_mit_answer){
-        .node = is_long ? d[0] & 0xfu : d[0],
+        .node = (uint8_t)palp_mit_answer_node(frame),
         .state = is_long ? d[0] >> 4 : 0,
         .last = is_long ? d[7] : 0,
         .is_long = is_long,

@@ -52,6 +52,10 @@ palp_can_frame palp_mit_encode_command(uint8_t node, uint8_t flags, const palp_m
                                        palp_mit_command command);
 palp_can_frame palp_mit_encode_answer(uint32_t master_id, uint8_t flags,
                                       const palp_mit_range *range, const palp_mit_answer *answer);
+/* Whose answer a frame of a motor is; PALP_MIT_NO_ANSWER: nobody's, by its length. */
+#define PALP_MIT_NO_ANSWER 0x100u
+uint32_t palp_mit_answer_node(const palp_can_frame *frame);
+
 /* An answer of 8 bytes has node, state and last as they stand, and 30 in byte 6 (degrees). */
 
 bool palp_mit_decode_command(const palp_can_frame *frame, uint8_t node, uint8_t flags,

@@ -22,9 +22,7 @@ enum { I8 = 0, I16 = 4, I32 = 8, F32 = 12 };
 
 static const float not_a_number = __builtin_nanf("");
 
-static uint8_t flags_of(uint32_t id) {
-    return (uint8_t)(PALP_CAN_FD | palp_can_id_flags(id));
-}
+static uint8_t flags_of(uint32_t id) { return (uint8_t)(PALP_CAN_FD | palp_can_id_flags(id)); }
 
 /* Empty, its room filled with what pads it. */
 static palp_can_frame frame_of(uint32_t id) {
@@ -143,7 +141,7 @@ static bool read_registers(const palp_can_frame *f, uint32_t kind, registers *r)
     uint32_t at = 0;
     r->seen = 0;
     if (f->length > PALP_CAN_MAX_DATA) return false;
-    /* at most the frame's 64 bytes: each turn takes one */
+    /* at most PALP_CAN_MAX_DATA: each turn takes a byte of the frame */
     while (at < f->length) {
         uint32_t head = f->data[at++];
         if (head == NOP) continue;

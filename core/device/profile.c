@@ -20,8 +20,8 @@ palp_can_frame palp_profile_encode_command(palp_e2e *e2e, uint8_t node, bool fd,
 
 palp_can_frame palp_profile_encode_status(palp_e2e *e2e, uint8_t node, bool fd,
                                           const palp_profile_status *status) {
-    palp_can_frame f =
-        frame_of(PALP_PROFILE_STATUS + node, fd, fd ? 16 : 8, (uint32_t)status->state);
+    palp_can_frame f = frame_of(PALP_PROFILE_STATUS + node, fd, fd ? PALP_PROFILE_FD_STATUS : 8,
+                                (uint32_t)status->state);
     if (fd) {
         palp_put_u16(f.data + 2, status->error);
         palp_put_f32(f.data + 4, status->position_rev);
@@ -48,7 +48,8 @@ bool palp_profile_decode_command(palp_e2e *e2e, const palp_can_frame *frame, uin
 
 bool palp_profile_decode_status(palp_e2e *e2e, const palp_can_frame *frame, uint8_t node, bool fd,
                                 palp_profile_status *status, palp_e2e_verdict *verdict) {
-    if (!palp_can_is(frame, PALP_PROFILE_STATUS + node, fd ? PALP_CAN_FD : 0, fd ? 16 : 8))
+    if (!palp_can_is(frame, PALP_PROFILE_STATUS + node, fd ? PALP_CAN_FD : 0,
+                     fd ? PALP_PROFILE_FD_STATUS : 8))
         return false;
     *verdict = palp_e2e_check(e2e, frame);
     *status = (palp_profile_status){.state = (palp_profile_state)(frame->data[1] >> 4)};

@@ -14,6 +14,7 @@
 
 #define PALP_PROFILE_COMMAND 0x100u
 #define PALP_PROFILE_STATUS 0x180u
+#define PALP_PROFILE_FD_STATUS 16u /* bytes of a status over CAN FD */
 
 typedef enum { PALP_MODE_OFF, PALP_MODE_TORQUE, PALP_MODE_CLEAR } palp_profile_mode;
 typedef enum { PALP_DRIVE_IS_OFF, PALP_DRIVE_IS_ON, PALP_DRIVE_IS_FAULTED = 15 } palp_profile_state;

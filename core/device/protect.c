@@ -4,11 +4,13 @@
 #define COUNTERS 15u
 
 uint8_t palp_crc8(uint8_t crc, const uint8_t *data, uint32_t bytes) {
+    /* of each half of a byte, by the polynomial 0x1d */
+    static const uint8_t half[16] = {0x00, 0x1d, 0x3a, 0x27, 0x74, 0x69, 0x4e, 0x53,
+                                     0xe8, 0xf5, 0xd2, 0xcf, 0x9c, 0x81, 0xa6, 0xbb};
     crc ^= 0xffu;
     for (uint32_t i = 0; i < bytes; i++) {
-        crc ^= data[i];
-        for (uint32_t bit = 0; bit < 8u; bit++)
-            crc = (uint8_t)((uint32_t)crc << 1 ^ ((crc & 0x80u) != 0u ? 0x1du : 0u));
+        crc = (uint8_t)(crc << 4 ^ half[crc >> 4 ^ data[i] >> 4]);
+        crc = (uint8_t)(crc << 4 ^ half[crc >> 4 ^ (data[i] & 0xfu)]);
     }
     return crc ^ 0xffu;
 }

@@ -41,6 +41,14 @@ static const uint32_t *members(const palp_tets *t, uint32_t f, uint32_t which, u
     return (which == 1u ? t->parent : t->child) + offset[f];
 }
 
+/* What so many parents follow when their family merges. */
+static uint32_t means(const palp_tets *t, const uint32_t *list, uint32_t count) {
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < count; i++)
+        sum += t->mean_offset[list[i] + 1u] - t->mean_offset[list[i]];
+    return sum;
+}
+
 palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt_config *config,
                             void *memory, size_t bytes) {
     palp_adapt s = {.dyna = dyna, .config = *config};
@@ -59,6 +67,10 @@ palp_status palp_adapt_init(palp_adapt *adapt, palp_dyna *dyna, const palp_adapt
             uint32_t element_tests = elements_around(dyna->tets, list, count);
             if (element_tests > s.config.max_element_tests)
                 s.config.max_element_tests = element_tests;
+            const uint32_t terms = which == 1u ? means(dyna->tets, list, count) : 4u * count;
+            if (which == 1u && count > s.most_parents) s.most_parents = count;
+            s.most_nodes = count > s.most_nodes ? count : s.most_nodes;
+            s.most_terms = terms > s.most_terms ? terms : s.most_terms;
         }
     }
     *adapt = s;

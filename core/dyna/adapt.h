@@ -39,6 +39,9 @@ typedef struct {
     uint8_t *held;  /* [families] a tool is near */
     uint32_t *age;  /* [families] ticks since it split */
     uint32_t element_tests; /* left in this tick */
+    uint32_t most_nodes;    /* children, or parents, of a family; */
+    uint32_t most_parents;
+    uint32_t most_terms; /* what they follow together, when it splits or merges */
 } palp_adapt;
 
 typedef struct {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "columns.h"
+#include "core/base/apart.h"
 
 /*
  * Value of an IEEE half; the blob holds no infinities and no NaN. Subnormal halves go through an
@@ -15,11 +16,14 @@ static float half_to_float(uint16_t half) {
     return (half & 0x8000u) != 0u ? -magnitude : magnitude;
 }
 
+PALP_APART static void decode(const uint16_t *half, float *buffer) {
+    for (uint32_t k = 0; k < PALP_GROUP_VALUES; k++) buffer[k] = half_to_float(half[k]);
+}
+
 /* The 72 values of one group: in place for f32, decoded into `buffer` for f16. */
 static const float *group_values(const palp_columns *c, uint32_t group, float *buffer) {
     if (c->value != NULL) return c->value + (size_t)group * PALP_GROUP_VALUES;
-    const uint16_t *half = c->half + (size_t)group * PALP_GROUP_VALUES;
-    for (uint32_t k = 0; k < PALP_GROUP_VALUES; k++) buffer[k] = half_to_float(half[k]);
+    decode(c->half + (size_t)group * PALP_GROUP_VALUES, buffer);
     return buffer;
 }
 
@@ -119,7 +123,7 @@ void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_ro
     for (uint32_t r = 0; r < row->count && at < end; r++) {
         uint32_t slot = row->index[r];
         at = skip_ahead(columns, first, end, at, slot);
-        /* in all at most the blocks of the column */
+        /* at most 8 * groups in all of palp_columns_extract */
         while (at < end && columns->index[at] < slot) at++;
         if (at == end || columns->index[at] != slot) continue;
         for (uint32_t e = 0; e < columns->entries; e++)

@@ -12,9 +12,9 @@ float palp_child_share(const palp_blob *blob, uint32_t level, uint32_t slot, uin
 
 palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_t level) {
     palp_child_range r = {domain->child_offset[slot], domain->child_offset[slot + 1u]};
-    /* both at most the children of the slot */
+    /* at most children */
     while (r.first < r.end && domain->child[r.first] < domain->level_start[level]) r.first++;
-    /* at most the children of the slot */
+    /* at most children */
     while (r.end > r.first && domain->child[r.end - 1u] >= domain->level_start[level + 1u]) r.end--;
     return r;
 }

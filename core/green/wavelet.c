@@ -40,7 +40,7 @@ static void update(const palp_domain *d, float *x, uint32_t level, float sign) {
         uint32_t c = d->child_offset[a], end = d->child_offset[a + 1];
         float *y = x + LANES * a;
         float sum[LANES];
-        /* at most the children of the slot */
+        /* at most children */
         while (c < end && d->child[c] < first) c++;
         for (uint32_t k = 0; k < LANES; k++) sum[k] = y[k];
         for (; c < end && d->child[c] < last; c++) {
@@ -72,7 +72,7 @@ void palp_row_mark(palp_row_scratch *scratch, uint32_t slot, float weight) {
 }
 
 uint32_t palp_row_next(const palp_row_scratch *scratch, uint32_t from, uint32_t end) {
-    /* at most the words of marks */
+    /* at most words */
     while (from < end) {
         uint32_t word = scratch->mark[from / 32u] >> (from % 32u);
         if (word != 0u) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/servo/answer.h"
+#include "core/base/apart.h"
 
 #define NS_PER_S 1e9f
 #define UNKNOWN 0.05f   /* error of a level that bake has not measured */
@@ -11,13 +12,14 @@
 float palp_answer_cost_around(const palp_contact_cost *c) {
     return PRICE(c, TICK) + PRICE(c, QUANTUM) +
            c->tools * (PRICE(c, COUPLE) + PRICE(c, LEAVE) +
-                       (float)PALP_COUPLING_SEARCHED * PRICE(c, SOUGHT));
+                       (float)PALP_COUPLING_SEARCHED * PRICE(c, SOUGHT)) +
+           c->samples * PRICE(c, SOUGHT);
 }
 
 /* Solving and ending with so many iterations, at the most points that the level allows. */
 static float solve_cost(const palp_contact_cost *c, palp_contact_level l, uint32_t iterations) {
     return palp_contact_cost_points(c, l, l.points) + palp_contact_cost_assemble(c, l, l.points) +
-           (float)iterations * palp_contact_cost_iterate(c, l.points, l.contacts) +
+           palp_contact_cost_iterate(c, l.points, l.contacts, iterations) +
            palp_contact_cost_finish(c, l, l.points, l.contacts);
 }
 
@@ -41,7 +43,8 @@ float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level) {
 float palp_answer_cost_least(const palp_contact_cost *cost, uint32_t level) {
     const palp_contact_level l = palp_contact_cost_level(cost, level);
     return palp_answer_cost_around(cost) + solve_cost(cost, l, PALP_ANSWER_ITERATIONS) +
-           palp_contact_cost_patches(cost) + fill_all(cost, l, cost->pairs);
+           palp_contact_cost_patches(cost) + fill_all(cost, l, cost->pairs) +
+           (cost->tools + cost->pairs) * PRICE(cost, QUANTUM);
 }
 
 size_t palp_answer_memsize(const palp_contact_config *contact) {
@@ -74,6 +77,7 @@ static void find_bounds(palp_answer *a) {
         moving_ns = palp_moving_least(&a->moving);
         on_seams(a, &a->moving.seam_cost[PALP_SEAM_LEVELS]);
     }
+    a->bound.finest = c->contact.finest;
     a->tail_ns = palp_answer_cost_around(&a->bound) + c->after_ns;
     for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++)
         a->least_ns[l] =
@@ -181,7 +185,7 @@ static bool bridges(palp_answer *a) {
 static float iteration_ns(const palp_answer *a) {
     const palp_contact *c = &a->contact;
     uint32_t active = c->count < c->level.contacts ? c->count : c->level.contacts;
-    return palp_contact_cost_iterate(&a->bound, c->count, active) +
+    return palp_contact_cost_iterate(&a->bound, c->count, active, 1) +
            palp_contact_cost_finish(&a->bound, c->level, c->count, active);
 }
 
@@ -222,10 +226,10 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
     palp_coupling_springs(&a->coupling, c, at, spring);
     palp_contact_begin(c, at, spring);
     bool more = true;
-    /* at most patches times PALP_LATTICE_FILLINGS */
+    /* at most patches * PALP_LATTICE_FILLINGS */
     while (more) {
         more = palp_contact_fill(c);
-        /* at most patches in all */
+        /* at most patches in all of prepare */
         while (more && fillings_ns(a, l) + rest > left_ns(a)) {
             r->shortened = true;
             if (!may_skip(c)) return false;
@@ -240,7 +244,7 @@ static bool prepare(palp_answer *a, palp_answer_report *r) {
     }
     palp_contact_points(c);
     bool rows = true;
-    /* at most room / PALP_CONTACT_ROWS */
+    /* at most points / PALP_CONTACT_ROWS + 1 */
     while (rows) {
         if (rows_ns(a) > left_ns(a)) {
             r->shortened = true;
@@ -287,7 +291,7 @@ static float doubt(palp_answer *a, const palp_coupling_result *result, bool held
 }
 
 /* Keeps the seams up with the configuration, with time left for the contact. */
-static void keep_up(palp_answer *a) {
+PALP_APART static void keep_up(palp_answer *a) {
     const palp_deadline d = deadline_of(a);
     palp_moving *m = &a->moving;
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {

@@ -95,8 +95,8 @@ uint64_t palp_answer_work(const palp_answer *answer);
 void palp_answer_tick(palp_answer *answer, uint64_t start_ns, const palp_frame *device,
                       palp_coupling_result *result, palp_answer_report *report);
 
-/* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE +
- * LEAVE + PALP_COUPLING_SEARCHED SOUGHT). Seams: palp_moving_least. */
+/* What surrounds the contact in a tick: TICK + QUANTUM + tools (COUPLE + LEAVE +
+ * PALP_COUPLING_SEARCHED SOUGHT) + samples of their faces SOUGHT. Seams: palp_moving_least. */
 float palp_answer_cost_around(const palp_contact_cost *cost);
 /* The bound of a whole tick on a level (unit of the prices): all that its points allow. */
 float palp_answer_cost_full(const palp_contact_cost *cost, uint32_t level);

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "dynamic.h"
+#include "core/base/apart.h"
 #include "core/base/arena.h"
+#include "core/contact/cost.h"
 
 #define PRICE(d, kind) ((d)->price.of[PALP_WORK_##kind])
 
@@ -23,7 +25,7 @@ size_t palp_dynamic_memsize(const palp_tets *tets, uint32_t max_points) {
 static float period_ns(const palp_dynamic_config *c) { return c->cost.margin * c->tick_s * 1e9f; }
 
 /* Everything is split, level by level. */
-void palp_dynamic_refine_all(palp_dynamic *d) {
+PALP_APART void palp_dynamic_refine_all(palp_dynamic *d) {
     const palp_tets *t = d->dyna.tets;
     for (uint32_t l = 0; l + 1u < t->meta->levels; l++) {
         for (uint32_t f = t->meta->first_family[l]; f < t->meta->first_family[l + 1u]; f++)
@@ -72,10 +74,21 @@ palp_status palp_dynamic_init(palp_dynamic *d, const palp_dynamic_config *config
 
 /* ---- bounds ---- */
 
+/* Of the most expensive tool. */
+static float cost_evaluation(const palp_dynamic *d) {
+    float most = 0.0f;
+    for (uint32_t t = 0; t < d->config.tool_count; t++)
+        most = palp_max(most, palp_contact_cost_evaluation(&d->config.tools[t], &d->price));
+    return most;
+}
+
 static float cost_search(const palp_dynamic *d) {
-    float tools = (float)d->config.tool_count, points = (float)d->config.max_points;
-    return (PRICE(d, SKIN) + PRICE(d, SKIN_TOOL) * tools) * (float)d->config.tets->meta->skin +
-           (float)PALP_IMPOSE_NARROW_TESTS * points * (PRICE(d, NARROW) + PRICE(d, ROOM) * points);
+    const float tools = (float)d->config.tool_count, points = (float)d->config.max_points;
+    const float held = (float)d->config.tets->meta->levels * (float)(d->adapt.most_parents + 1u);
+    return (PRICE(d, SKIN) + PRICE(d, SKIN_TOOL) * tools + PRICE(d, ELEMENT_TEST) * held) *
+               (float)d->config.tets->meta->skin +
+           (float)PALP_IMPOSE_NARROW_TESTS * points *
+               (PRICE(d, NARROW) + cost_evaluation(d) + PRICE(d, ROOM) * points);
 }
 
 /* Of one point in one step. */
@@ -83,7 +96,7 @@ static float cost_imposed(const palp_dynamic *d) {
     bool rubs = false;
     for (uint32_t t = 0; t < d->config.tool_count; t++)
         rubs = rubs || d->config.tools[t].friction > 0.0f;
-    return (rubs ? PALP_IMPOSE_RUBS : 1.0f) * PRICE(d, IMPOSED);
+    return (rubs ? PALP_IMPOSE_RUBS : 1.0f) * PRICE(d, IMPOSED) + cost_evaluation(d);
 }
 
 static float cost_steps(const palp_dynamic *d, float steps) {
@@ -102,9 +115,14 @@ static float cost_lists(const palp_dynamic *d) {
 }
 
 float palp_dynamic_cost_adapt(const palp_dynamic *d) {
-    float families = (float)d->config.tets->meta->families;
-    return PRICE(d, FAMILY) * families * (1.0f + (float)d->adapt.config.max_changes) +
-           PRICE(d, ELEMENT_TEST) * (float)d->adapt.config.max_element_tests + cost_lists(d);
+    const float families = (float)d->config.tets->meta->families;
+    const float changes = (float)d->adapt.config.max_changes;
+    /* merges are looked for, then splits, and merges that make room for these */
+    return PRICE(d, FAMILY) * families * (2.0f * changes + 2.0f) +
+           PRICE(d, ELEMENT_TEST) * (float)d->adapt.config.max_element_tests +
+           changes * (PRICE(d, NODE_STEP) * (float)d->adapt.most_nodes +
+                      PRICE(d, SOURCE) * (float)d->adapt.most_terms) +
+           (d->config.uniform ? (float)d->config.tets->meta->levels : 1.0f) * cost_lists(d);
 }
 
 float palp_dynamic_cost_tick(const palp_dynamic *d, uint32_t most_class) {
@@ -116,7 +134,7 @@ float palp_dynamic_cost_tick(const palp_dynamic *d, uint32_t most_class) {
 }
 
 /* All means, and lists. */
-static float cost_collapse(const palp_dynamic *d) {
+float palp_dynamic_cost_collapse(const palp_dynamic *d) {
     const palp_tets *t = d->config.tets;
     return cost_lists(d) + PRICE(d, SOURCE) * (float)t->mean_offset[t->meta->nodes];
 }
@@ -124,7 +142,7 @@ static float cost_collapse(const palp_dynamic *d) {
 float palp_dynamic_cost_least(const palp_dynamic *d) {
     const palp_tets_meta *m = d->config.tets->meta;
     float tets = (float)((m->first_tet[1] + PALP_LANES - 1u) / PALP_LANES * PALP_LANES);
-    float after = palp_max(palp_dynamic_cost_adapt(d), cost_collapse(d));
+    float after = palp_max(palp_dynamic_cost_adapt(d), palp_dynamic_cost_collapse(d));
     return PRICE(d, TICK) + cost_search(d) + PRICE(d, ELEMENT) * tets +
            PRICE(d, NODE_STEP) * (float)m->first_node[1] + PRICE(d, NODE_TICK) * (float)m->nodes +
            cost_imposed(d) * (float)d->config.max_points +
@@ -134,9 +152,8 @@ float palp_dynamic_cost_least(const palp_dynamic *d) {
 /* ---- the tick ---- */
 
 static float left_ns(const palp_dynamic *d, uint64_t start_ns) {
-    uint64_t now_ns = d->config.port.now_ns(d->config.port.context);
-    float gone = now_ns > start_ns ? (float)(now_ns - start_ns) : 0.0f;
-    return period_ns(&d->config) - gone;
+    return period_ns(&d->config) -
+           palp_elapsed_ns(start_ns, d->config.port.now_ns(d->config.port.context));
 }
 
 /* The finest steps that fit; collapses when none does. False if not even that fits. */
@@ -149,7 +166,7 @@ static bool choose(palp_dynamic *d, float left_ns, uint32_t *most_class, palp_dy
         if (*most_class == 0u) {
             if (palp_dynamic_cost_least(d) > left_ns) return false;
             palp_dyna_collapse(&d->dyna);
-            d->work_ns += (uint64_t)cost_collapse(d);
+            d->work_ns += (uint32_t)palp_dynamic_cost_collapse(d);
             r->collapsed = true;
             d->changed = true;
             break;
@@ -172,7 +189,7 @@ static void count_nodes(const palp_dynamic *d, palp_dynamic_report *r) {
     const palp_tets_meta *m = d->config.tets->meta;
     uint32_t level = 0;
     for (uint32_t i = 0; i < d->dyna.active_count; i++) {
-        /* in all at most levels */
+        /* at most levels in all of count_nodes */
         while (d->dyna.active[i] >= m->first_node[level + 1u]) level++;
         r->active[level]++;
     }
@@ -205,7 +222,7 @@ static void run(palp_dynamic *d, uint32_t most_class, const palp_frame *tool,
     r->points = d->impose.count;
     r->inside = d->impose.inside;
     r->overflow = (uint32_t)(d->impose.overflow - overflow);
-    d->work_ns += (uint64_t)(palp_dynamic_cost_tick(d, most_class) - palp_dynamic_cost_adapt(d));
+    d->work_ns += (uint32_t)(palp_dynamic_cost_tick(d, most_class) - palp_dynamic_cost_adapt(d));
 }
 
 /* Numbers that a float cannot hold: the body is put back to rest, with zero force. */
@@ -224,7 +241,8 @@ void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_frame *too
     *report = (palp_dynamic_report){.steps = 0};
     if (choose(d, left_ns(d, start_ns), &most_class, report)) {
         report->bound_ns = palp_dynamic_cost_tick(d, most_class);
-        if (report->collapsed) report->bound_ns += cost_collapse(d) - palp_dynamic_cost_adapt(d);
+        if (report->collapsed)
+            report->bound_ns += palp_dynamic_cost_collapse(d) - palp_dynamic_cost_adapt(d);
         run(d, most_class, tool, report);
         report->energy_limited = palp_energy_watch(
             &d->energy, &d->dyna, work_of_tools(&d->impose, d->on_tool), d->changed);
@@ -234,7 +252,7 @@ void palp_dynamic_tick(palp_dynamic *d, uint64_t start_ns, const palp_frame *too
             report->adapt = palp_adapt_tick(&d->adapt, room_left(d));
             d->changed = report->adapt.splits + report->adapt.merges > 0u;
             d->work_ns +=
-                (uint64_t)(palp_dynamic_cost_adapt(d) - (d->changed ? 0.0f : cost_lists(d)));
+                (uint32_t)(palp_dynamic_cost_adapt(d) - (d->changed ? 0.0f : cost_lists(d)));
         }
     } else {
         report->coasted = true;

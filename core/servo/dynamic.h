@@ -95,11 +95,14 @@ float palp_dynamic_cost_adapt(const palp_dynamic *dynamic);
 /* The coarsest mesh with one step, and adaptivity or the collapse to it: what always has to fit. */
 float palp_dynamic_cost_least(const palp_dynamic *dynamic);
 
+/* All means and lists, which palp_dyna_collapse takes. */
+float palp_dynamic_cost_collapse(const palp_dynamic *dynamic);
+
 /* Splits everything, level by level: for comparison, and to know what that would cost. */
 void palp_dynamic_refine_all(palp_dynamic *dynamic);
 
-/* A tick that began at start_ns on the port's clock, tools at tool[tool_count] at its end; what they
- * feel of the body in on_tool[tool_count]. */
+/* A tick that began at start_ns on the port's clock, tools at tool[tool_count] at its end; what
+ * they feel of the body in on_tool[tool_count]. */
 void palp_dynamic_tick(palp_dynamic *dynamic, uint64_t start_ns, const palp_frame *tool,
                        palp_wrench *on_tool, palp_dynamic_report *report);
 

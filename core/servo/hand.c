@@ -4,11 +4,18 @@
 #define SINGULAR 0.05f /* conditioning at which the force is gone; it fades from twice that */
 #define OUTSIDE 1.25f  /* workspace radii at which it begins to fade, over a quarter radius */
 
-float palp_servo_cost_before(const palp_prices *price) {
-    return palp_servo_cost_after(price) + (float)PALP_SERVO_FRAMES_IN * price->of[PALP_WORK_FRAME];
+float palp_servo_cost_before(const palp_prices *price, const palp_device *device) {
+    const uint32_t bytes =
+        device == NULL ? PALP_CAN_MAX_DATA : palp_drive_frame_bytes(&device->drives);
+    return palp_servo_cost_after(price, device) +
+           (float)PALP_SERVO_FRAMES_IN *
+               (price->of[PALP_WORK_FRAME] + (float)bytes * price->of[PALP_WORK_FRAME_BYTE]);
 }
 
-float palp_servo_cost_after(const palp_prices *price) { return 0.5f * price->of[PALP_WORK_SERVO]; }
+float palp_servo_cost_after(const palp_prices *price, const palp_device *device) {
+    const uint32_t axes = device == NULL ? PALP_AXES : palp_axes(&device->kinematics);
+    return 0.5f * (price->of[PALP_WORK_SERVO] + (float)axes * price->of[PALP_WORK_AXIS]);
+}
 
 bool palp_hand_config_is_sound(const palp_hand_config *c) {
     float rate_hz = c->device.drives.rate_hz;

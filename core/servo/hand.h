@@ -111,25 +111,27 @@ typedef struct {
     bool braked;
 } palp_hand_report;
 
-/* What a tick takes at most for one device before its answer (SERVO / 2 + 64 FRAME), and after it
- * (SERVO / 2), in the unit of the prices. */
-float palp_servo_cost_before(const palp_prices *price);
-float palp_servo_cost_after(const palp_prices *price);
+/* What a tick takes at most for one device before its answer and after it, in the unit of the
+ * prices: each (SERVO + axes AXIS) / 2, before it also 64 (FRAME + bytes FRAME_BYTE), bytes as in
+ * palp_drive_frame_bytes. Of an unknown device, NULL, the most. */
+float palp_servo_cost_before(const palp_prices *price, const palp_device *device);
+float palp_servo_cost_after(const palp_prices *price, const palp_device *device);
 
 bool palp_hand_config_is_sound(const palp_hand_config *config);
 
 /* Begins in PALP_STATE_INIT. */
 void palp_hand_init(palp_hand *hand, const palp_hand_config *config);
 
-/* Springs between a tool and this device, in the scene: device stiffness k becomes k / scale^2 there,
- * where lengths grow and forces shrink by scale. Of a turn they are 0 where no motors make it. */
+/* Springs between a tool and this device, in the scene: device stiffness k becomes k / scale^2
+ * there, where lengths grow and forces shrink by scale. Of a turn they are 0 where no motors make
+ * it. */
 typedef struct {
     float N_per_m, Ns_per_m, Nm_per_rad, Nms_per_rad;
 } palp_hand_spring;
 palp_hand_spring palp_hand_spring_of(const palp_hand_config *config);
 
-/* Sets hand->entered and hand->feels. Bit i of `heard`: frame i of those that are read is a set-point of a
- * joint of the scene, of no drive. Cost: SERVO / 2 + frames FRAME. */
+/* Sets hand->entered and hand->feels. Bit i of `heard`: frame i of those that are read is a
+ * set-point of a joint of the scene, of no drive. Cost: SERVO / 2 + frames FRAME. */
 void palp_hand_begin(palp_hand *hand, const palp_tick_input *input, uint64_t heard,
                      palp_hand_report *report);
 

@@ -67,7 +67,7 @@ static bool make_factor(palp_moving *m, const palp_deadline *d, uint32_t level, 
     palp_assembly *a = m->contact->assembly;
     float step_ns = cost_at(m, level)->step;
     palp_seams_begin(&a->seams, a->configuration, level);
-    /* at most two steps a seam */
+    /* at most 2 * seams */
     while (palp_seams_step(&a->seams)) {
         if (level != PALP_DIAGONAL && step_ns + keep_ns > palp_left_ns(d)) return false;
     }
@@ -139,7 +139,7 @@ void palp_moving_spare(palp_moving *m, const palp_deadline *deadline) {
         m->finer = true;
     }
     float step_ns = cost_at(m, next)->step;
-    /* at most two steps a seam */
+    /* at most 2 * seams */
     while (step_ns <= palp_left_ns(deadline) && palp_seams_step(q)) {}
     if (!q->factor[1u - q->now].sound) m->barred = next;
 }

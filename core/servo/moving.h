@@ -48,7 +48,7 @@ typedef struct {
     float share_ns;
 } palp_deadline;
 static inline float palp_left_ns(const palp_deadline *d) {
-    return d->share_ns - (float)(d->port->now_ns(d->port->context) - d->start_ns);
+    return d->share_ns - palp_elapsed_ns(d->start_ns, d->port->now_ns(d->port->context));
 }
 
 /* `points`: the most that carry force. */

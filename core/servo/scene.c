@@ -135,15 +135,18 @@ static void set_up(palp_scene *s, const palp_scene_config *c) {
     }
 }
 
-/* Opens all bodies with what comes before and after each: at first as if each were alone, to know what
- * it takes at least. */
+/* Opens all bodies with what comes before and after each: at first as if each were alone, to know
+ * what it takes at least. */
 static palp_status open_bodies(palp_scene *s, const palp_scene_config *c,
                                void *memory[PALP_SCENE_BODIES],
                                const size_t bytes[PALP_SCENE_BODIES], float *bound_ns) {
     const palp_prices ns = palp_prices_of(&c->cost);
-    const float first_ns = (float)c->hands * palp_servo_cost_before(&ns) +
-                           palp_scene_drives_cost(&ns, c->drives);
-    const float last_ns = (float)c->hands * palp_servo_cost_after(&ns);
+    float first_ns = palp_scene_drives_cost(&ns, c->drives);
+    for (uint32_t h = 0; h < c->hands; h++)
+        first_ns += palp_servo_cost_before(&ns, &c->hand[h].device);
+    float last_ns = 0.0f;
+    for (uint32_t h = 0; h < c->hands; h++)
+        last_ns += palp_servo_cost_after(&ns, &c->hand[h].device);
     float least_ns[PALP_SCENE_BODIES] = {0.0f}, all_ns = 0.0f;
     s->bound_ns = first_ns + last_ns;
     for (uint32_t pass = 0; pass < 2u; pass++) {
@@ -560,7 +563,7 @@ void palp_scene_tick(palp_scene *s, const palp_tick_input *input,
     for (uint32_t h = 0; h < s->hands; h++)
         sent[h] = palp_hand_end(&s->hand[h], &s->sum[h], &input[h], report->tick, out[h],
                                 &s->hand_report[h]);
-    report->elapsed_ns = (float)(s->port.now_ns(s->port.context) - start_ns);
+    report->elapsed_ns = palp_elapsed_ns(start_ns, s->port.now_ns(s->port.context));
     count(s, report);
 }
 

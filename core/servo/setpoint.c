@@ -4,12 +4,11 @@
 
 #define VALUE_BYTES 4u
 #define IDS 0x1fffffffu
-#define FARTHEST 1e3f    /* rad or m */
+#define FARTHEST 1e3f     /* rad or m */
 #define DRIVE_FRAMES 2.0f /* a drive's tick costs less than so many frames taken */
 
 bool palp_scene_drive_is_sound(const palp_scene_drive *d) {
-    const bool finite =
-        palp_abs(d->offset) <= FARTHEST && palp_abs(d->scale) <= FARTHEST;
+    const bool finite = palp_abs(d->offset) <= FARTHEST && palp_abs(d->scale) <= FARTHEST;
     if (d->by == PALP_DRIVEN_BY_AXIS) return finite;
     return finite && d->id <= IDS && d->byte <= PALP_CAN_MAX_DATA - VALUE_BYTES &&
            d->fastest > 0.0f && d->fastest <= FARTHEST;
@@ -23,8 +22,8 @@ void palp_setpoint_init(palp_setpoint *s, const palp_scene_drive *d) {
     *s = (palp_setpoint){.value = d->offset, .goal = d->offset};
 }
 
-bool palp_setpoint_take(palp_setpoint *s, const palp_scene_drive *d,
-                        const palp_joint_entry *joint, const palp_can_frame *frame) {
+bool palp_setpoint_take(palp_setpoint *s, const palp_scene_drive *d, const palp_joint_entry *joint,
+                        const palp_can_frame *frame) {
     const uint8_t kinds = PALP_CAN_EXTENDED | PALP_CAN_ERROR | PALP_CAN_REMOTE;
     const uint8_t flags = palp_can_id_flags(d->id);
     if (frame->id != d->id || (frame->flags & kinds) != flags ||

@@ -162,8 +162,10 @@ void palp_surface_slopes(const palp_surface *surface, const palp_surface_point *
 static void add_corner(float *restrict sum, const int16_t *restrict u, uint32_t stored,
                        uint32_t modes, palp_vec3 d) {
     const int16_t *restrict v = u + stored, *restrict w = v + stored;
-    for (uint32_t a = 0; a < modes; a++)
-        sum[a] += d.x * (float)u[a] + d.y * (float)v[a] + d.z * (float)w[a];
+    for (uint32_t a = 0; a < modes; a += PALP_MODE_LANES) {
+        for (uint32_t k = a; k < a + PALP_MODE_LANES; k++)
+            sum[k] += d.x * (float)u[k] + d.y * (float)v[k] + d.z * (float)w[k];
+    }
 }
 
 void palp_surface_modes(const palp_surface *surface, const palp_surface_point *point, palp_vec3 d,
@@ -171,12 +173,16 @@ void palp_surface_modes(const palp_surface *surface, const palp_surface_point *p
     const palp_blob *b = surface->blob;
     const uint32_t *v = b->triangle + 3u * (size_t)point->triangle, stored = b->regular.modes;
     float sum[PALP_MAX_MODES];
-    for (uint32_t a = 0; a < modes; a++) sum[a] = 0.0f;
+    for (uint32_t a = 0; a < modes; a += PALP_MODE_LANES) {
+        for (uint32_t k = a; k < a + PALP_MODE_LANES; k++) sum[k] = 0.0f;
+    }
     for (uint32_t k = 0; k < 3u; k++) {
         add_corner(sum, b->regular.vector + 3u * (size_t)v[k] * stored, stored, modes,
                    palp_scale(point->weight[k] / PALP_MODE_UNIT, d));
     }
-    for (uint32_t a = 0; a < modes; a++) row[a * stride] = sum[a];
+    for (uint32_t a = 0; a < modes; a += PALP_MODE_LANES) {
+        for (uint32_t k = a; k < a + PALP_MODE_LANES; k++) row[k * stride] = sum[k];
+    }
 }
 
 palp_vec3 palp_surface_corner(const palp_surface *surface, uint32_t node, uint32_t modes,
@@ -185,10 +191,9 @@ palp_vec3 palp_surface_corner(const palp_surface *surface, uint32_t node, uint32
     float sum[3];
     for (uint32_t axis = 0; axis < 3u; axis++) {
         const int16_t *restrict u = g->vector + (3u * (size_t)node + axis) * g->modes;
-        float product[PALP_MAX_MODES] = {0}, lane[PALP_MODE_LANES] = {0};
-        for (uint32_t a = 0; a < modes; a++) product[a] = load[a] * (float)u[a];
+        float lane[PALP_MODE_LANES] = {0};
         for (uint32_t a = 0; a < modes; a += PALP_MODE_LANES) {
-            for (uint32_t k = 0; k < PALP_MODE_LANES; k++) lane[k] += product[a + k];
+            for (uint32_t k = 0; k < PALP_MODE_LANES; k++) lane[k] += load[a + k] * (float)u[a + k];
         }
         sum[axis] = 0.0f;
         for (uint32_t k = 0; k < PALP_MODE_LANES; k++) sum[axis] += lane[k];

@@ -243,7 +243,7 @@ palp_vec3 palp_assembly_bent(palp_assembly *a, uint32_t zone, uint32_t node) {
                                  palp_rotate_back(a->world[zone].r, a->gravity_m_s2)));
     kept->u_m = u;
     kept->when = a->settled;
-    a->seams.work_done += 40u + 9u * (uint64_t)palp_assembly_modes(a, zone);
+    a->seams.work_done += 40u + 9u * (uint32_t)palp_assembly_modes(a, zone);
     return u;
 }
 

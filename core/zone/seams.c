@@ -289,7 +289,7 @@ bool palp_seams_take(palp_seams *seams) {
 palp_status palp_seams_refresh(palp_seams *seams, const palp_configuration *configuration,
                                uint32_t level) {
     palp_seams_begin(seams, configuration, level);
-    /* at most two steps a seam */
+    /* at most 2 * seams */
     while (palp_seams_step(seams)) {}
     return palp_seams_take(seams) ? PALP_OK : PALP_ERR_NOT_SPD;
 }
@@ -543,7 +543,7 @@ palp_status palp_seams_init(palp_seams *q, const palp_zones *zones, uint32_t fin
     for (uint32_t k = 0; k <= PALP_SEAM_LEVELS; k++) {
         if (k > finest && k < PALP_SEAM_LEVELS) continue;
         begin(q, &q->rest[k], q->spare, rest_level(k));
-        /* at most two steps a seam */
+        /* at most 2 * seams */
         while (step(q, &q->rest[k])) {}
         if (!q->rest[k].sound) return PALP_ERR_NOT_SPD;
     }

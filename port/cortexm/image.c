@@ -41,7 +41,8 @@ static void print_bound(const char *what, float instructions) {
 static void print_bounds(const palp_blob *blob, const palp_servo_config *config) {
     const palp_prices *instructions = &palp_target_cortex_m7.instructions;
     palp_contact_cost c = palp_contact_cost_of(blob, &config->tool, 1, instructions);
-    float servo = palp_servo_cost_before(instructions) + palp_servo_cost_after(instructions);
+    float servo = palp_servo_cost_before(instructions, &config->device) +
+                  palp_servo_cost_after(instructions, &config->device);
     for (uint32_t l = 0; l <= FINEST; l++) {
         print_number("level ", l, ": ");
         print_bound("always, ", servo + palp_answer_cost_least(&c, l));

@@ -71,7 +71,8 @@ static palp_status open_body(uint32_t number, palp_body_config *c, palp_arena *a
         return blob != NULL ? palp_blob_open(blob, b->data, bytes) : PALP_ERR_MEMORY;
     }
     palp_tets *tets = piece(arena, sizeof *tets);
-    const palp_status status = tets != NULL ? palp_tets_open(tets, b->data, bytes) : PALP_ERR_MEMORY;
+    const palp_status status =
+        tets != NULL ? palp_tets_open(tets, b->data, bytes) : PALP_ERR_MEMORY;
     c->tets = tets;
     if (status == PALP_OK) c->adapt = palp_adapt_defaults(tets);
     return status;
@@ -89,8 +90,7 @@ palp_status embedded_open(palp_scene **scene, const palp_cost_table *cost, const
         const embedded_tool *e = &embedded.tool[t];
         tool[t] = e->mount;
         if (tool[t].tool.shape == PALP_TOOL_FIELD)
-            status =
-                palp_tool_field_open(&tool[t].tool.field, e->data, (size_t)(e->end - e->data));
+            status = palp_tool_field_open(&tool[t].tool.field, e->data, (size_t)(e->end - e->data));
     }
     if (status != PALP_OK) return status;
     const palp_scene_config config = {.body = body,

@@ -47,9 +47,9 @@ static uint32_t speak(uint32_t hand, float t_s, float depth_rad, palp_can_frame 
     float q[PALP_AXES];
     path(hand, t_s, depth_rad, q);
     for (uint32_t i = 0; i < axes; i++) {
-        const palp_profile_status s = {
-            .state = o->on[i] ? PALP_DRIVE_IS_ON : PALP_DRIVE_IS_OFF,
-            .position_rev = (q[i] - d->joint_zero_rad[i]) * d->gear[i] / RAD_PER_REV};
+        const palp_profile_status s = {.state = o->on[i] ? PALP_DRIVE_IS_ON : PALP_DRIVE_IS_OFF,
+                                       .position_rev = (q[i] - d->joint_zero_rad[i]) * d->gear[i] /
+                                                       RAD_PER_REV};
         out[i] = palp_profile_encode_status(&o->sent[i], d->node_id[i], d->drives.fd, &s);
     }
     return axes;

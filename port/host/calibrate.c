@@ -91,8 +91,8 @@ static void tick(bench *b, palp_vec3 place) {
         begin(b);
         more = palp_contact_iterate(c);
         active = c->active_count > active ? c->active_count : active;
-        end(b, ITERATE, palp_contact_cost_iterate(i, count, active),
-            palp_contact_cost_iterate(y, count, active));
+        end(b, ITERATE, palp_contact_cost_iterate(i, count, active, 1),
+            palp_contact_cost_iterate(y, count, active, 1));
     } while (more);
     begin(b);
     palp_contact_finish(c);

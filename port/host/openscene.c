@@ -165,8 +165,9 @@ static void open_listen(scene_setup *s, scene_follow *f, palp_scene_drive *d) {
     const double start = track != NULL ? track->key[0].value[0] : 0;
     check_id(s, f);
     if (f->byte + 4u > 8u && !s->device[f->device].device.drives.fd)
-        die(EXIT_USAGE, "%s: a classic frame has 8 bytes: byte %" PRIu32 " needs a device with fd 1",
-            f->where, f->byte);
+        die(EXIT_USAGE,
+            "%s: a classic frame has 8 bytes: byte %" PRIu32 " needs a device with fd 1", f->where,
+            f->byte);
     part->joint[d->joint] = NULL;
     if (!(f->fastest > 0)) f->fastest = (double)(e->high - e->low);
     if (!(f->fastest > 0 && f->fastest <= 1000))

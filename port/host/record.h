@@ -60,7 +60,7 @@ typedef struct {
     palp_load load[RECORD_LOADS];     /* forces on the first body, for the display */
     uint32_t joint_count;             /* driven by frames */
     palp_setpoint joint[PALP_SCENE_DRIVES];
-    tick_hand hand[];                 /* [hands] */
+    tick_hand hand[]; /* [hands] */
 } tick_record;
 
 /* Bytes of one with so many devices. */

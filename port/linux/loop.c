@@ -78,9 +78,8 @@ uint32_t loop_filters(const scene_setup *setup, uint32_t number, bool lockstep,
         const palp_scene_drive *of = &setup->drive[d];
         if (of->by != PALP_DRIVEN_BY_FRAMES || of->hand != number) continue;
         const uint8_t flags = palp_can_id_flags(of->id);
-        filter[n++] = (palp_can_filter){.id = of->id,
-                                        .mask = flags ? 0x1fffffffu : 0x7ffu,
-                                        .flags = flags};
+        filter[n++] =
+            (palp_can_filter){.id = of->id, .mask = flags ? 0x1fffffffu : 0x7ffu, .flags = flags};
     }
     if (lockstep) filter[n++] = (palp_can_filter){.id = LOCKSTEP_ID, .mask = 0x7ff};
     return n;

@@ -8,8 +8,9 @@ bake() { "$palp" bake "$work/$1.model" -o "$work/$1.palp" > /dev/null 2>&1; }
 printf 'mesh %s/blobs/bean.obj\nloop 2\nyoung 3e4\npoisson 0.45\nfix-below z 0.0339\n' "$here" > "$work/bean.model" && bake bean
 small_chain "$work/chain.palp"
 printf 'mesh bar.obj\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400\n' > "$work/bar.model" && bake bar
+sed 's/ 400//' "$work/bar.model" > "$work/coarse.model" && bake coarse
 "$palp" tool "$here/blobs/ball.obj" -o "$work/ball.tool" --units mm --cells 12 > /dev/null 2>&1
-[ -s "$work/bean.palp" ] && [ -s "$work/chain.palp" ] && [ -s "$work/bar.palp" ] && [ -s "$work/ball.tool" ]
+[ -s "$work/bean.palp" ] && [ -s "$work/chain.palp" ] && [ -s "$work/bar.palp" ] && [ -s "$work/coarse.palp" ] && [ -s "$work/ball.tool" ]
 ok $? "bodies of every kind, and a tool"
 
 scene() { # scene NAME RATE LINES: its text, with paths from the work folder
@@ -52,7 +53,7 @@ device arm3-palp
 place 0.03 0 0.05
 tool ball 0.004
 END
-image 400 elastic "two devices, a capsule with friction and a ball on an elastic body"
+image 1000 elastic "two devices, a capsule with friction and a ball on an elastic body"
 scene zones 49.5 << END
 body chain.palp
 finest 2
@@ -75,16 +76,16 @@ jaw -0.3
 tool ball 0.008
 jaw 0.3
 END
-image 400 dynamic "two jaws on a dynamic body"
+image 1000 dynamic "two jaws on a dynamic body"
 scene both 50 << END
 body bean.palp
 finest 1
-body bar.palp
+body coarse.palp
 at 0.3 0 0
 device arm3-palp-fd
 tool pad 0.004 0.004 0.001
 device arm3-palp-fd
-place 0.06 0.01 0.01 bar
+place 0.06 0.01 0.01 coarse
 tool capsule 0.006 0.006
 END
 image 1000 both "an elastic and a dynamic body, a pad and a capsule on two devices"

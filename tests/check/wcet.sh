@@ -31,10 +31,10 @@ hold() { # hold TARGET: every case of every body within its bound
     beyond=$(awk '{n += $8} END {print n + 0}' "$work/$target.held")
     [ "$cases" -gt $((scale * 20000)) ] && [ "$beyond" -eq 0 ]
     ok $? "$target: $cases counted cases, $beyond beyond their bound"
-    # of the 642 nodes with tables, at the default limits; what a whole tick can come to is what a short hunt finds
+    # of the 642 nodes with tables: a derivation assumes the longest way everywhere at once; of a whole tick a short hunt finds the most
     tight() { awk -v o="$1" -v l="$2" '$1 == "tables" && $2 == o && $3 == l {printf "%.2f", $6 / $5}' "$work/$target.held"; }
     points=$(tight points 3) whole=$(tight whole 3)
-    awk -v q="$points" -v w="$whole" 'BEGIN {exit !(q >= 1 && q <= 1.5 && w >= 1 && w <= 4)}'
+    awk -v q="$points" -v w="$whole" 'BEGIN {exit !(q >= 1 && q <= 2.5 && w >= 1 && w <= 10)}'
     ok $? "$target: largest bound over most counted: contact points $points, a whole tick $whole"
 }
 for t in x86-64 x86-64-avx2 cortex-a53 cortex-m7; do
@@ -106,9 +106,9 @@ image() { # image NAME BLOB CORE MACHINE FLAGS...
     sed 's/^/#   /' "$work/image.out"
     grep '^hash' "$work/image.out" >> "$work/hashes.$blob"
 }
-image "Cortex-M7, 162 nodes, 150 Hz" small m7 mps2-an500 -DRATE_HZ=150.0f
-image "Cortex-M7, 642 nodes, 140 Hz" flash m7 mps2-an500 -DRATE_HZ=140.0f
-image "Cortex-M55, 162 nodes, 150 Hz" small m55 mps3-an547 -DRATE_HZ=150.0f
+image "Cortex-M7, 162 nodes, 80 Hz" small m7 mps2-an500 -DRATE_HZ=80.0f
+image "Cortex-M7, 642 nodes, 75 Hz" flash m7 mps2-an500 -DRATE_HZ=75.0f
+image "Cortex-M55, 162 nodes, 80 Hz" small m55 mps3-an547 -DRATE_HZ=80.0f
 sh tests/size.sh "$work/small.palp" "$work/middle.palp" > "$work/size.out"
 ok $? "no mutable data, no more stack than PALP_SERVO_STACK in any call on any target"
 sed 's/^/#   /' "$work/size.out"

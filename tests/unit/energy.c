@@ -186,6 +186,7 @@ int main(void) {
               (double)s->rate_hz, s->preempted ? ", preempted" : "", s->failed, s->runs,
               (unsigned long long)s->touches, s->damped, 1e3 * s->most_J, s->where);
     }
-    CHECK(ticks > (tap_full() ? 1000000u : 500000u), "%llu ticks in all", (unsigned long long)ticks);
+    CHECK(ticks > (tap_full() ? 1000000u : 500000u), "%llu ticks in all",
+          (unsigned long long)ticks);
     return tap_done();
 }

@@ -457,9 +457,9 @@ static pressed open_in_groove(const baked *b, float mu) {
 
 static palp_vec3 move_in_groove(pressed *p, double x, double y, double down) {
     const float radius = p->tool->ball[0].radius_m;
-    const palp_frame at = palp_frame_at((palp_vec3){p->top.x + radius * (float)x,
-                                                    p->top.y + radius * (float)y,
-                                                    p->top.z - radius * (float)down});
+    const palp_frame at =
+        palp_frame_at((palp_vec3){p->top.x + radius * (float)x, p->top.y + radius * (float)y,
+                                  p->top.z - radius * (float)down});
     const palp_contact_spring held = {.held = at};
     palp_contact_solve(p->contact, &at, &held);
     palp_friction_solve(&p->friction, &work, p->contact, 0, &at, 0);

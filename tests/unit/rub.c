@@ -148,7 +148,8 @@ static void test_cycles(void) {
     double least = 0, work = 0;
     uint64_t seed = 9;
     for (int k = 0; k < 25; k++) {
-        const double y = 0.015 + 0.005 * tap_random(&seed), deep = 0.003 + 0.001 * tap_random(&seed);
+        const double y = 0.015 + 0.005 * tap_random(&seed),
+                     deep = 0.003 + 0.001 * tap_random(&seed);
         work += go(r, pressed(deep, y), 100 + (int)(80 * tap_random(&seed)));
         least = fmin(least, work);
     }

@@ -399,15 +399,20 @@ static void test_engines(void) {
  * not by the contact. Looked at in corners, edges and middles of triangles. */
 static double nearest_place(const palp_blob *blob, palp_field *field, const palp_scene *scene,
                             palp_vec3 center, double radius) {
-    static const float weight[7][3] = {{1, 0, 0},       {0, 1, 0},       {0, 0, 1},
-                                       {0.5f, 0.5f, 0}, {0, 0.5f, 0.5f}, {0.5f, 0, 0.5f},
+    static const float weight[7][3] = {{1, 0, 0},
+                                       {0, 1, 0},
+                                       {0, 0, 1},
+                                       {0.5f, 0.5f, 0},
+                                       {0, 0.5f, 0.5f},
+                                       {0.5f, 0, 0.5f},
                                        {1 / 3.0f, 1 / 3.0f, 1 / 3.0f}};
     palp_load load[PALP_SERVO_LOADS];
     double least = 1;
     palp_vec3 *y = allocate(blob->meta->nodes, sizeof *y);
     palp_field_update(field, load, palp_scene_loads(scene, 0, load));
     const float *u = palp_field_reconstruct(field, blob->meta->levels - 1);
-    for (uint32_t n = 0; n < blob->meta->nodes; n++) y[n] = palp_vec3_at(blob->rest_m + 3 * (size_t)n);
+    for (uint32_t n = 0; n < blob->meta->nodes; n++)
+        y[n] = palp_vec3_at(blob->rest_m + 3 * (size_t)n);
     for (uint32_t k = 0; k < blob->domain[PALP_FREE].slots; k++) {
         const uint32_t node = blob->domain[PALP_FREE].node[k];
         y[node] = palp_add(y[node], palp_vec3_at(u + PALP_FIELD_LANES * (size_t)k));
@@ -486,8 +491,9 @@ static void test_thin_part(double deep_m) {
         }
         leaps += leapt ? 1 : 0;
     }
-    CHECK(together > 500, "two tools on an ear, %g mm: both press in %g of 9000 ticks, up to %.3f N",
-          1e3 * deep_m, (double)together, (double)largest);
+    CHECK(together > 500,
+          "two tools on an ear, %g mm: both press in %g of 9000 ticks, up to %.3f N", 1e3 * deep_m,
+          (double)together, (double)largest);
     AT_MOST(phantoms, 0.005 * looks, "looks of %u in which one is felt off the bent ear", looks);
     AT_MOST(missed, 0.005 * looks, "in which one is in it and not felt");
     AT_MOST(leaps, 30, "ticks in which a force leaps by more than 0.02 N");

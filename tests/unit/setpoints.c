@@ -14,9 +14,8 @@
 #define TIP 0.010f
 
 static palp_can_frame frame_of(uint32_t id, uint32_t byte, float value) {
-    palp_can_frame f = {.id = id,
-                        .flags = id > 0x7ffu ? PALP_CAN_EXTENDED : 0,
-                        .length = (uint8_t)(byte + 4u)};
+    palp_can_frame f = {
+        .id = id, .flags = id > 0x7ffu ? PALP_CAN_EXTENDED : 0, .length = (uint8_t)(byte + 4u)};
     palp_put_f32(f.data + byte, value);
     return f;
 }
@@ -30,7 +29,8 @@ static void test_frames(void) {
     CHECK(palp_scene_drive_is_sound(&d) && palp_same_bits(s.value, 0.2f) && s.taken == 0,
           "a joint stands at its offset until it hears a set-point");
     palp_can_frame f = frame_of(ID, 4, 0.7f);
-    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.7f) && s.taken == 1, "is heard");
+    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.7f) && s.taken == 1,
+          "is heard");
     palp_can_frame other[] = {frame_of(ID + 1u, 4, 0.1f), frame_of(ID, 0, 0.1f), f, f, f};
     other[2].flags = PALP_CAN_EXTENDED;
     other[3].flags = PALP_CAN_REMOTE;
@@ -41,16 +41,19 @@ static void test_frames(void) {
     static const float bad[] = {NAN, INFINITY, -INFINITY};
     for (uint32_t i = 0; i < 3; i++) {
         f = frame_of(ID, 4, bad[i]);
-        CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.7f) && s.left == i + 1u,
+        CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.7f) &&
+                  s.left == i + 1u,
               "%g is left aside, and counted", (double)bad[i]);
     }
     f = frame_of(ID, 4, 1e30f);
-    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 1.0f), "too far ends at the range");
+    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 1.0f),
+          "too far ends at the range");
     f = frame_of(ID, 4, -7.0f);
     CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, -0.5f), "on both sides");
     d.id = 0x12345u;
     f = frame_of(d.id, 4, 0.5f);
-    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.5f), "ids of 29 bits too");
+    CHECK(palp_setpoint_take(&s, &d, &joint, &f) && palp_same_bits(s.goal, 0.5f),
+          "ids of 29 bits too");
     f.flags |= PALP_CAN_FD;
     CHECK(palp_setpoint_take(&s, &d, &joint, &f), "and FD frames");
 }

@@ -61,7 +61,8 @@ static void test_sphere(const palp_blob *blob, float radius) {
         hold(&h, palp_frame_at((palp_vec3){0.031f, 0.0295f, z}));
         depth = ((double)radius + SIZE - (double)h.result.tool.t.z) / (double)radius;
         if (depth < 0.15) continue;
-        const double ratio = (double)h.result.force_N.z / sneddon((double)radius, depth * (double)radius);
+        const double ratio =
+            (double)h.result.force_N.z / sneddon((double)radius, depth * (double)radius);
         if (depth < 1.2) off = fmax(off, fabs(ratio - 1));
         weakest = fmin(weakest, ratio);
         if (getenv("SHOW") != NULL && i % 150 == 0) printf("# %.3f R: %.3f\n", depth, ratio);
@@ -139,8 +140,8 @@ static void test_found(const palp_blob *blob, float radius, uint32_t tries) {
         lost += last > 0.02 ? 0 : 1;
         contact_close(h.contact);
     }
-    CHECK(lost == 0, "%u capsules of %.2f edges at any place and tilt: %u not felt 5 mm down", tries,
-          (double)(radius / blob->meta->mean_edge_m), lost);
+    CHECK(lost == 0, "%u capsules of %.2f edges at any place and tilt: %u not felt 5 mm down",
+          tries, (double)(radius / blob->meta->mean_edge_m), lost);
     AT_MOST(worst, 0.1, "found when they touch: first force over that");
 }
 

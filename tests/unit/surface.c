@@ -149,7 +149,9 @@ static void test_dense(const baked *b) {
 /* The force is the gradient of the energy, whatever the tool's shape. */
 static void test_gradient(const baked *b) {
     float e = b->blob.meta->mean_edge_m;
-    palp_tool tool[4] = {palp_tool_sphere(2 * e), palp_tool_sphere(e), palp_tool_sphere(e),
+    palp_tool tool[4] = {palp_tool_sphere(2 * e),
+                         palp_tool_sphere(e),
+                         palp_tool_sphere(e),
                          {.shape = PALP_TOOL_CYLINDER}};
     static const char *const name[] = {"sphere of 2 edges", "sphere of 1 edge", "three balls",
                                        "cylinder"};
@@ -527,7 +529,8 @@ static void test_deep(const baked *b) {
  * tick before was. */
 static void test_most_filled(const palp_blob *b, palp_tool tool, double reach, const char *name) {
     const palp_prices *price = &palp_target_counted.instructions;
-    const palp_contact_cost cost = palp_contact_cost_of(b, &tool, 1, price);
+    palp_contact_cost cost = palp_contact_cost_of(b, &tool, 1, price);
+    cost.finest = PALP_CONTACT_LEVELS - 1u;
     palp_contact *c = contact_open(b, &tool, 1, 0);
     const palp_contact_spring free = {.stiffness_N_per_m = 0};
     palp_vec3 at = {.x = 0};
@@ -548,7 +551,8 @@ static void test_most_filled(const palp_blob *b, palp_tool tool, double reach, c
             const palp_lattice_counts d = c->done;
             beyond += d.fillings > most.fillings || d.around > most.around ||
                       d.evaluations > most.evaluations || d.shots > most.shots ||
-                      d.crossings > most.crossings;
+                      d.crossings > most.crossings || d.nodes > most.nodes || d.feet > most.feet ||
+                      d.kept > most.kept;
             nearest = fmax(nearest, (double)d.evaluations / most.evaluations);
         }
         if (palp_contact_points(c) == 0) continue;

@@ -226,11 +226,11 @@ static void test_loops(const baked *b) {
     const float heights[9] = {0, 0.02f, 0, 0.02f, 0.05f, 0.02f, 0, 0.02f, 0};
     palp_tool tools[3] = {{.balls = 2, .ball = {{{-0.2f, 0, 0.3f}, 0.3f}, {{0.2f, 0, 0.3f}, 0.3f}}},
                           {.shape = PALP_TOOL_PAD,
-         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+                           .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                                    .half_m = {0.35f, 0.25f},
                                    .edge_m = 0.2f}},
                           {.shape = PALP_TOOL_PAD,
-         .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
+                           .pad = {.axis = {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}},
                                    .half_m = {0.35f, 0.35f},
                                    .edge_m = 0.2f,
                                    .columns = 3,

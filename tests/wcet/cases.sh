@@ -17,7 +17,7 @@ esac
 mkdir -p "$out"
 newer=$(find core tests/wcet port/cortexm/test_trajectory.c tools/wcet/tool_path.c port/cortexm -newer "$out/cases" -name '*.[ch]' 2>/dev/null | head -1)
 if [ ! -e "$out/cases" ] || [ -n "$newer" ]; then
-    core="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -I. $arch"
+    core="-std=c11 -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math -ffreestanding -fno-jump-tables -I. $arch"
     rm -f "$out"/*.o
     for c in core/*/*.c; do echo "$c $out/$(echo "$c" | tr / _).o"; done |
         xargs -P 4 -n 2 sh -c "$cc $core -c \$0 -o \$1"

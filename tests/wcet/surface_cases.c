@@ -32,7 +32,7 @@ static float of_assemble(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_assemble(c, s->level, s->count);
 }
 static float of_iterate(const palp_contact_cost *c, const step *s) {
-    return palp_contact_cost_iterate(c, s->count, s->active);
+    return palp_contact_cost_iterate(c, s->count, s->active, 1);
 }
 static float of_finish(const palp_contact_cost *c, const step *s) {
     return palp_contact_cost_finish(c, s->level, s->count, s->active);

@@ -18,7 +18,7 @@ static float of_tick(const palp_contact_cost *c, const tick_done *d) {
     return path_bound(c, &d->t) + (d->servo ? of_servo(c, d) : 0.0f);
 }
 static float of_full(const palp_contact_cost *c, const tick_done *d) {
-    float servo = palp_servo_cost_before(&c->price) + palp_servo_cost_after(&c->price);
+    float servo = palp_servo_cost_before(&c->price, NULL) + palp_servo_cost_after(&c->price, NULL);
     return palp_answer_cost_full(c, d->t.level) + (d->servo ? servo : 0.0f);
 }
 static float of_quantum(const palp_contact_cost *c, const tick_done *d) {
@@ -143,7 +143,7 @@ static uint64_t instruction_clock(void *context) {
 }
 
 static void search_on_level(cases *c, const palp_blob *blob, dice *d, uint32_t level, bool friction,
-                          uint32_t sessions) {
+                            uint32_t sessions) {
     size_t used = c->used;
     chase chased = {.known = 0};
     chased.s = open_session(c, blob, level, friction, 6.5f * blob->meta->mean_edge_m);
@@ -179,7 +179,7 @@ static void quantum_cases(cases *c, const palp_blob *blob) {
     volatile float sum = 0.0f;
     for (uint32_t i = 0; i < 16u && s != NULL; i++) {
         uint64_t before = instructions();
-        sum += palp_contact_cost_iterate(&s->unit[0], 40u + i, 20u) +
+        sum += palp_contact_cost_iterate(&s->unit[0], 40u + i, 20u, 1) +
                palp_contact_cost_finish(&s->unit[0], l, 40u, 20u) + (float)by_instructions(s);
         uint64_t after = instructions();
         tell(s, "quantum", 0, of_quantum, &d, after - before);

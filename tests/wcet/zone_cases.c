@@ -103,7 +103,7 @@ static bool open(setup *g, uint32_t finest) {
         return false;
     g->tool[0] = palp_tool_sphere(1.5f * edge);
     g->tool[1] = (palp_tool){.shape = PALP_TOOL_CYLINDER,
-                               .cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
+                             .cylinder = {{0.0f, 1.0f, 0.0f}, 2.0f * edge, 2.0f * edge, edge}};
     const palp_contact_config config = {.assembly = &g->assembly,
                                         .pairs = true,
                                         .tools = g->tool,

@@ -11,7 +11,8 @@
 static const char help[] =
     "usage: palp embed SCENE -o OUT.c [OPTIONS]\n"
     "\n"
-    "Writes a scene as C source: bodies, devices, tools and joints as constants, with blobs and tools "
+    "Writes a scene as C source: bodies, devices, tools and joints as constants, with blobs and "
+    "tools "
     "in the\n"
     "section .blob. port/embedded/embedded_scene.h opens it on a controller without files.\n"
     "\n"
@@ -78,8 +79,9 @@ static void put_axes(FILE *f, const char *name, const float *x) {
 /* ---- a device ---- */
 
 static void put_drives(FILE *f, const palp_drive_config *d) {
-    fprintf(f, ".drives = {.protocol = (palp_protocol)%d, .fd = %d, .form = (palp_mit_form)%d, "
-               ".master_id = %" PRIu32 ", ",
+    fprintf(f,
+            ".drives = {.protocol = (palp_protocol)%d, .fd = %d, .form = (palp_mit_form)%d, "
+            ".master_id = %" PRIu32 ", ",
             (int)d->protocol, d->fd ? 1 : 0, (int)d->form, d->master_id);
     put_field(f, "counts_per_rev", d->counts_per_rev);
     put_field(f, "rated_torque_Nm", d->rated_torque_Nm);
@@ -266,8 +268,8 @@ static void put_tool(FILE *f, const scene_setup *s, uint32_t number) {
 static void put_drive(FILE *f, const palp_scene_drive *d) {
     fprintf(f,
             "    {.body = %" PRIu32 ", .joint = %" PRIu32 ", .hand = %" PRIu32
-            ", .by = (palp_driven_by)%d, .axis = %" PRIu32 ", .id = 0x%" PRIx32
-            ", .byte = %" PRIu32 ", ",
+            ", .by = (palp_driven_by)%d, .axis = %" PRIu32 ", .id = 0x%" PRIx32 ", .byte = %" PRIu32
+            ", ",
             d->body, d->joint, d->hand, (int)d->by, d->axis, d->id, d->byte);
     put_field(f, "scale", d->scale);
     put_field(f, "offset", d->offset);
@@ -308,8 +310,7 @@ static void put_scene(FILE *f, const scene_setup *s) {
             s->file->name);
     for (uint32_t b = 0; b < c->bodies; b++) put_file(f, "body", b, s->file->body[b].path);
     for (uint32_t t = 0; t < c->tools; t++) {
-        if (s->tool[t].tool.shape == PALP_TOOL_FIELD)
-            put_file(f, "tool", t, s->file->tool[t].path);
+        if (s->tool[t].tool.shape == PALP_TOOL_FIELD) put_file(f, "tool", t, s->file->tool[t].path);
     }
     for (uint32_t b = 0; b < c->bodies; b++) put_tracks(f, s, b);
     fprintf(f,

@@ -11,13 +11,13 @@
 #include <string.h>
 
 #define OFF_LOOKS 1000 /* directions in which extremes are held against the mesh */
-#define MARGIN 3     /* steps of the grid beyond the surface */
-#define ASIDE 1e-3   /* steps: just outside */
-#define PROBES 20000 /* places at which the field is compared */
-#define DEEP 0.2     /* steps below the surface, from which a part is certainly seen */
-#define SEEN 0.3     /* of the depth under the surface that the field must have */
-#define WITHIN 1.5   /* steps in which that is looked for */
-#define BLIND 0.002  /* share of the surface that may be missed */
+#define MARGIN 3       /* steps of the grid beyond the surface */
+#define ASIDE 1e-3     /* steps: just outside */
+#define PROBES 20000   /* places at which the field is compared */
+#define DEEP 0.2       /* steps below the surface, from which a part is certainly seen */
+#define SEEN 0.3       /* of the depth under the surface that the field must have */
+#define WITHIN 1.5     /* steps in which that is looked for */
+#define BLIND 0.002    /* share of the surface that may be missed */
 #define RADIUS_STEP 0.25
 #define LARGEST_RADIUS 3.0 /* steps */
 

@@ -44,8 +44,11 @@ void scene_bounds(const scene_setup *setup, const machine *m, wcet_table *t) {
         if (status != PALP_OK)
             die(EXIT_WORK, "%s: %s", setup->file->name, palp_status_text(status));
         const palp_prices unit = palp_prices_of(&config.cost);
-        hands[k] = (double)config.hands *
-                   (double)((palp_servo_cost_before(&unit) + palp_servo_cost_after(&unit)) / UNIT);
+        hands[k] = 0;
+        for (uint32_t h = 0; h < config.hands; h++)
+            hands[k] += (double)((palp_servo_cost_before(&unit, &config.hand[h].device) +
+                                  palp_servo_cost_after(&unit, &config.hand[h].device)) /
+                                 UNIT);
         least[k] = hands[k];
         for (uint32_t b = 0; b < config.bodies; b++) {
             if (setup->part[b].kind == PALP_BODY_DYNAMIC)

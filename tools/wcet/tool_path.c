@@ -45,7 +45,7 @@ float path_bound(const palp_contact_cost *cost, const path_tick *tick) {
     if (tick->points == 0u) return sum;
     return sum + palp_contact_cost_points(cost, l, tick->points) +
            palp_contact_cost_assemble(cost, l, tick->points) +
-           (float)tick->iterations * palp_contact_cost_iterate(cost, tick->points, tick->active) +
+           palp_contact_cost_iterate(cost, tick->points, tick->active, tick->iterations) +
            palp_contact_cost_finish(cost, l, tick->points, tick->active);
 }
 

@@ -140,7 +140,7 @@ static float assemble(const palp_contact_cost *c, const body_level *l) {
     return palp_contact_cost_assemble(c, l->level, l->level.points);
 }
 static float iterate(const palp_contact_cost *c, const body_level *l) {
-    return palp_contact_cost_iterate(c, l->level.points, l->level.contacts);
+    return palp_contact_cost_iterate(c, l->level.points, l->level.contacts, 1);
 }
 static float finish(const palp_contact_cost *c, const body_level *l) {
     return palp_contact_cost_finish(c, l->level, l->level.points, l->level.contacts);
@@ -196,8 +196,8 @@ static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *bl
         palp_contact_cost_of(blob, tool, s->tools, &palp_bytes_touched)};
     double servo[2] = {0, 0}; /* which has one tool */
     for (int k = 0; k < 2 && s->tools == 1; k++)
-        servo[k] =
-            (double)(palp_servo_cost_before(&c[k].price) + palp_servo_cost_after(&c[k].price));
+        servo[k] = (double)(palp_servo_cost_before(&c[k].price, NULL) +
+                            palp_servo_cost_after(&c[k].price, NULL));
     bound_levels(c, c, servo, servo, t);
     t->ram_bytes = s->tools == 1
                        ? palp_servo_memsize(blob, PALP_CONTACT_FINEST)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: MIT
+# Bounds from the machine code: every loop of core has a bound in named counts on every target with a table, and no formula of
+# core is below what they come to at any of the counts it is asked for.
+. "$(dirname "$0")/../cli/lib.sh"
+cd "$here" || exit 1
+body() { printf 'mesh %s/blobs/%s.obj\nloop %s\nyoung 3e4\npoisson 0.45\nfix-below z %s\ntable-mb %s\nstorage %s\n' "$here" "$2" "$3" "$4" "$5" "$6" > "$work/$1.model" && "$palp" bake "$work/$1.model" -o "$work/$1.palp" > /dev/null 2>&1; }
+body middle rabbit 2 0.004 16 f32
+body half rabbit 2 0.004 0.5 f16
+small_chain "$work/chain.palp" # its mesh: bar.obj
+printf 'mesh %s\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' "$work/bar.obj" > "$work/dynamic.model"
+"$palp" bake "$work/dynamic.model" -o "$work/dynamic.palp" > /dev/null 2>&1
+gcc -std=gnu11 -O1 -I. tests/wcet/ipet/formulas.c "$BUILD/libpalp.a" -lm -o "$work/formulas" &&
+    "$work/formulas" 2 40 "$work/middle.palp" "$work/half.palp" "$work/dynamic.palp" > "$work/lines" && [ "$(wc -l < "$work/lines")" -gt 12000 ]
+ok $? "formulas asked at $(wc -l < "$work/lines") counts"
+for t in cortex-m7 cortex-a53 x86-64 x86-64-avx2; do
+    missing=""
+    for n in python3 glpsol llvm-symbolizer $(case $t in cortex-m7) echo arm-none-eabi-gcc ;; cortex-a53) echo aarch64-linux-gnu-gcc ;; esac); do
+        command -v "$n" > /dev/null || missing=$n
+    done
+    if [ -n "$missing" ]; then
+        count=$((count + 1))
+        echo "ok $count - $t # SKIP $missing is not installed (make deps)"
+        continue
+    fi
+    elf=$(sh tests/wcet/proof.sh $t)
+    python3 tests/wcet/ipet/ipet.py survey $t "$elf" > "$work/survey"
+    ok $? "$(tail -1 "$work/survey"), none without a bound"
+    python3 tests/wcet/ipet/ipet.py hold $t "$elf" "$work/lines" > "$work/held"
+    ok $? "$(tail -1 "$work/held")"
+    sed 's/^/#   /' "$work/held"
+done
+done_testing

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: MIT
+"""Bounds from the machine code.
+
+usage: ipet.py survey TARGET BINARY             every loop of core, and what there is to know of its graphs
+       ipet.py bound TARGET BINARY FUNCTION...  their bounds, in named counts
+       ipet.py hold TARGET BINARY LINES         formulas (the output of `formulas`) at the target's prices against the bounds
+       ipet.py prices TARGET BINARY LINES [CASES]   the lowest prices at which no formula is below its bound, as C (glpsol)
+
+TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7. BINARY: all of core with its debug information, linked (tests/wcet/proof.sh)."""
+import collections
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from binary import Binary, Graph
+from bound import Bounds
+from operations import OPERATIONS, of_other_shapes
+from polynomial import ZERO, Polynomial
+from source import Source
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.abspath(os.path.join(HERE, "..", "..", ".."))
+COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: copies.c holds the target's own against them
+FITTED_ROOM = 1.25               # of operations that are not derived, over the most counted
+ROOM = 1.02                      # of prices, over the derivation at the counts that they are fitted at: others come near
+CLOCK = 60                       # of one reading of the port's clock: stated, not derived
+
+
+def copy_takes(name, count):
+    return Polynomial.of(COPY_CALL) + count.scaled(COPY_BYTE)
+
+
+class Proof:
+    def __init__(self, target, path):
+        self.binary = Binary(target, path, ROOT)
+        self.source = Source(ROOT, os.path.join(HERE, "counts.txt"))
+        self.shared = None
+        self.faults, self.cache = collections.OrderedDict(), {}
+
+    def bounds(self, never=(), apart=()):
+        b = Bounds(self.binary, self.source, outside=copy_takes, indirect=Polynomial.of(CLOCK))
+        b.stops = {n: ZERO for n in list(never) + list(apart)}
+        if self.shared is not None:
+            b.parts = self.shared
+        self.shared = b.parts
+        b.faults = self.faults
+        return b
+
+    def of(self, name, tool):
+        """The bound of an operation with a kind of tool: a polynomial."""
+        if (name, tool) not in self.cache:
+            op, never = OPERATIONS[name]
+            never = list(never) + op.never + (of_other_shapes(tool, name not in ("around", "glue", "quantum")) if tool != "-" else [])
+            b, total = self.bounds(never, op.apart), ZERO
+            for function, times in op.functions.items():
+                factor = Polynomial.of(float(times)) if times[0].isdigit() else Polynomial.count(times)
+                total = total + factor * b.of(function)
+            if op.times is not None:
+                total = Polynomial({(t if set(t) & op.in_all else tuple(sorted(t + (op.times,)))): c for t, c in total.terms.items()})
+            if op.of is not None:
+                total = Polynomial({t: c for t, c in total.terms.items() if set(t) & op.of})
+            self.cache[name, tool] = total
+        return self.cache[name, tool]
+
+
+def fail(proof):
+    for where, what in proof.faults.items():
+        print("FAULT %s: %s" % (where, what))
+    return 1 if proof.faults else 0
+
+
+def survey(target, path):
+    proof = Proof(target, path)
+    b = proof.bounds()
+    called = {t for f in proof.binary.functions.values() for t in Graph(proof.binary, f).calls.values()}
+    for f in list(proof.binary.functions.values()):
+        if f.start not in called and f.name.startswith("palp_"):
+            b.of(f.name)
+    parts = b.parts.values()
+    print("%s: %d functions, %d instructions, %d loops, %d of several loops of the source, %d ways copied to loops of several entries" %
+          (target, len(parts), sum(len(p.graph.code) for p in parts), sum(len(p.flow.loops) for p in parts),
+           sum(len(c) > 1 for p in parts for c in p.named.values()), sum(p.flow.copied for p in parts)))
+    return fail(proof)
+
+
+def bound(target, path, names):
+    proof = Proof(target, path)
+    b = proof.bounds()
+    for n in names:
+        print("%s = %s" % (n, b.of(n)))
+    return fail(proof)
+
+
+def read_lines(path):
+    for line in open(path):
+        head, _, tail = line.partition("|")
+        word = head.split()
+        yield word[0], word[1], {k: float(v) for k, v in (w.split("=") for w in word[2:])}, {
+            int(k): float(v) for k, v in (w.split(":") for w in tail.split())}
+
+
+def kinds():
+    return re.findall(r"X\((\w+), \"(\w+)\"", open(os.path.join(ROOT, "core/budget/price.h")).read())
+
+
+def prices_of(target):
+    text = open(os.path.join(ROOT, "core/budget/targets.c")).read()
+    block = text.split("palp_target_%s = {" % target.replace("-", "_"))[1].split("};")[0]
+    found = dict(re.findall(r"\[PALP_WORK_(\w+)\]\s*=\s*([\d.]+)f?", block))
+    return [float(found.get(k, 0)) for k, _ in kinds()]
+
+
+def counted(proof, op, counts):
+    extra = OPERATIONS[op][0].counts
+    return collections.defaultdict(float, {**counts, **extra})
+
+
+def value(proof, op, tool, counts):
+    p, at = proof.of(op, tool), counted(proof, op, counts)
+    missing = [n for n in p.names() if n not in at]
+    if missing:
+        proof.faults["%s %s" % (op, tool)] = "the formula's case does not say " + ", ".join(missing)
+    return p.at(at)
+
+
+def hold(target, path, lines):
+    proof, price = Proof(target, path), prices_of(target)
+    rows = collections.OrderedDict()
+    for op, tool, counts, features in read_lines(lines):
+        derived = value(proof, op, tool, counts)
+        formula = sum(n * price[k] for k, n in features.items())
+        r = rows.setdefault((op, tool), [0, 0, float("inf"), 0.0, 0, 0])
+        r[0] += 1
+        r[1] += formula < derived
+        if derived > 0 and formula / derived < r[2]:
+            r[2], r[4], r[5] = formula / derived, derived, formula
+        r[3] = max(r[3], formula / derived if derived > 0 else 0)
+    print("%-16s %-9s %6s %6s %10s %10s %8s %8s" % ("operation", "tool", "cases", "below", "derived", "formula", "least", "most"))
+    for (op, tool), r in rows.items():
+        print("%-16s %-9s %6d %6d %10.0f %10.0f %8.3f %8.3f" % (op, tool, r[0], r[1], r[4], r[5], r[2], r[3]))
+    below = sum(r[1] for r in rows.values())
+    print("%s: %d formulas at %d counts, %d below the derivation" % (target, len(rows), sum(r[0] for r in rows.values()), below))
+    return 1 if fail(proof) or below else 0
+
+
+def solve(goal, rows, floor):
+    """The least goal . w with every row . w >= 1 and w >= floor."""
+    with tempfile.TemporaryDirectory() as folder:
+        model, out = os.path.join(folder, "p.lp"), os.path.join(folder, "p.out")
+        with open(model, "w") as f:
+            f.write("Minimize\n obj: " + "\n + ".join("%.9g w%d" % (c, k) for k, c in sorted(goal.items()) if c > 0) + "\nSubject To\n")
+            for row in rows:
+                f.write(" " + " + ".join("%.9g w%d" % (n, k) for k, n in row.items()) + " >= 1\n")
+            f.write("Bounds\n" + "".join(" w%d >= %.9g\n" % (k, x) for k, x in floor.items()) + "End\n")
+        done = subprocess.run(["glpsol", "--lp", model, "-o", out], capture_output=True, text=True)
+        if done.returncode != 0 or "OPTIMAL" not in open(out).read():
+            raise SystemExit("glpsol: " + done.stdout[-400:])
+        text = open(out).read()
+    return {int(k): float(v) for k, v in re.findall(r"\sw(\d+)\s+(?:B|NL|NU|NF|NS)\s+([\d.e+-]+)", text)}
+
+
+def fitted(path):
+    """Counted cases of what is not derived: of each features the most counted."""
+    worst = {}
+    for line in open(path):
+        word = line.split()
+        if len(word) > 3:
+            key = (word[0], word[1], " ".join(word[3:]))
+            worst[key] = max(worst.get(key, 0), int(word[2]))
+    for (op, _, text), count in worst.items():
+        yield op, count, {int(k): float(v) for k, v in (pair.split(":") for pair in text.split())}
+
+
+def prices(target, path, lines, cases=None):
+    """The table of a target, in C: the lowest prices at which no formula is below the derivation at any of the counts, and none below
+    what was counted of operations that are not derived, by a quarter of room."""
+    proof, names = Proof(target, path), kinds()
+    text = open(os.path.join(ROOT, "core/budget/counted.c")).read().split("palp_bytes")[0]
+    counts_of = {k: float(n) for k, n in re.findall(r"\[PALP_WORK_(\w+)\] = (\d+)", text)}
+    weight, goal, rows = collections.Counter(), collections.Counter(), []
+    every = list(read_lines(lines))
+    for op, tool, _, _ in every:
+        weight[op, tool] += 1
+
+    def add(features, need, share):
+        if need > 0:
+            rows.append({k: n / need for k, n in features.items()})
+            for k, n in features.items():
+                goal[k] += n / need * share
+    for op, tool, counts, features in every:
+        add(features, ROOM * value(proof, op, tool, counts), 1.0 / weight[op, tool])
+    if fail(proof):
+        return 1
+    more = list(fitted(cases)) if cases is not None else []
+    weight = collections.Counter(op for op, _, _ in more)
+    for op, count, features in more:
+        add(features, FITTED_ROOM * count, 0.1 / weight[op])
+    found = solve(goal, rows, {i: 0.5 * counts_of.get(k, 0) for i, (k, _) in enumerate(names)})
+    print("const palp_target palp_target_%s = {\n    \"%s\"," % (target.replace("-", "_"), target))
+    terms = ["[PALP_WORK_%s] = %sf" % (k, "%.2f" % (found.get(i, 0.5 * counts_of.get(k, 0)) * 1.0001 + 0.005)) for i, (k, _) in enumerate(names)]
+    print("    {{" + ", ".join(terms) + "}}};\n")
+    return 0
+
+
+def main():
+    if len(sys.argv) < 4:
+        print(__doc__)
+        return 2
+    command, target, path = sys.argv[1:4]
+    if command == "survey":
+        return survey(target, path)
+    if command == "bound":
+        return bound(target, path, sys.argv[4:])
+    if command == "hold":
+        return hold(target, path, sys.argv[4])
+    if command == "prices":
+        return prices(target, path, *sys.argv[4:6])
+    print(__doc__)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
