@@ -47,7 +47,7 @@ PALP_OBJ := $(SHARED_OBJ) $(call obj,$(TOOLS_LIB))
 HOST_OBJ := $(sort $(LINUX_OBJ) $(PALP_OBJ))
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all lib size wcet-proof cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
+.PHONY: all lib size wcet-proof campaign cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 lib: $(LIB) ## the library alone; TARGET=cortex-m7 and others of core/targets.mk: for that processor, build/TARGET/libpalp.a
@@ -173,6 +173,10 @@ size: all ## code, data, deepest stack and memory of every target that can be bu
 
 wcet-proof: ## bounds derived from the machine code of four targets, against the formulas of core
 	@BUILD=$(BUILD) sh tests/check/proof.sh
+
+CASES ?= 1000000
+campaign: all ## hours: CASES=1000000 counted cases of many bodies on each of four targets against their bounds
+	@BUILD=$(BUILD) sh tests/wcet/campaign.sh $(CASES)
 
 cortexm: all ## a bare Cortex-M7 image with the sample rabbit in flash, run under QEMU
 	@mkdir -p $(BUILD)/cortexm

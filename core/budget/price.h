@@ -70,6 +70,7 @@
     X(NODE, "node", "one node within reach of a tool tested")                                      \
     X(FOOT, "foot", "the nearest point of the surface sought from a node")                         \
     X(KEPT, "kept", "one point of the last tick looked for in a lattice")                          \
+    X(FOLLOWED, "followed", "one point that a lattice follows")                                    \
     X(FAR_FIELD, "far_field", "the body's far field at a place")                                   \
     X(SHOT, "shot", "one site of a lattice shot at")                                               \
     X(CROSSING, "crossing", "one triangle crossed by a shot")                                      \

@@ -18,6 +18,11 @@ typedef struct {
 extern const palp_target palp_target_x86_64, palp_target_x86_64_avx2, palp_target_cortex_a53,
     palp_target_cortex_m7;
 
+/* The same work in cycles, which are stated and not proved: every instruction at its worst
+ * (tests/wcet/ipet/cycles.py), code and data in tightly coupled memory. Its time is cycles over the
+ * clock. */
+extern const palp_target palp_target_cortex_m7_cycles;
+
 /* Not a machine: one for each operation that the code itself counts (`work_done`), so that time in
  * tests and on the desk can be the work that was done, the same on every host. */
 extern const palp_target palp_target_counted;

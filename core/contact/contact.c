@@ -160,6 +160,7 @@ static palp_lattice_counts sum_of(palp_lattice_counts a, palp_lattice_counts b) 
                                  .shots = a.shots + b.shots,
                                  .crossings = a.crossings + b.crossings,
                                  .kept = a.kept + b.kept,
+                                 .followed = a.followed + b.followed,
                                  .bent = a.bent + b.bent};
 }
 

@@ -80,6 +80,7 @@
  *     modes            1/4    1/2    all   all  all
  */
 typedef struct {
+    uint32_t number;   /* below PALP_CONTACT_LEVELS */
     uint32_t cells;    /* wanted in contact */
     uint32_t points;   /* room: three times the cells, and some */
     uint32_t contacts; /* in contact, at most: half as many again as a plain surface needs */

@@ -63,18 +63,113 @@ static uint32_t nodes_around(const palp_blob *b, const uint32_t met[3]) {
     return most;
 }
 
-/* nodes and rows of cells of one more body that may be visited within `reach`. */
+/* Nodes in a row of cells that are within `reach` of a box. */
+static uint32_t near_in_row(const palp_blob *b, uint32_t from, uint32_t to, const float low[3],
+                            float side, float reach) {
+    uint32_t count = 0;
+    for (uint32_t k = b->cell_offset[from]; k < b->cell_offset[to]; k++) {
+        const float *x = b->rest_m + 3u * (size_t)b->cell_node[k];
+        float d2 = 0.0f;
+        for (uint32_t e = 0; e < 3u; e++) {
+            const float d = palp_max(palp_max(low[e] - x[e], x[e] - low[e] - side), 0.0f);
+            d2 += d * d;
+        }
+        count += d2 <= reach * reach ? 1u : 0u;
+    }
+    return count;
+}
+
+/* Nodes within `reach` of a box. */
+static uint32_t near_box(const palp_blob *b, const float low[3], float side, float reach) {
+    const palp_meta *m = b->meta;
+    uint32_t from[3], to[3], count = 0;
+    for (uint32_t e = 0; e < 3u; e++) {
+        const float last = (float)(m->cells[e] - 1u), at = low[e] - m->cell_origin_m[e];
+        from[e] = (uint32_t)palp_clamp((at - reach) / m->cell_size_m, 0.0f, last);
+        to[e] = (uint32_t)palp_clamp((at + side + reach) / m->cell_size_m, 0.0f, last);
+    }
+    /* at most cells */
+    for (uint32_t z = from[2]; z <= to[2]; z++) {
+        /* at most cells */
+        for (uint32_t y = from[1]; y <= to[1]; y++) {
+            const uint32_t row = (z * m->cells[1] + y) * m->cells[0];
+            count += near_in_row(b, row + from[0], row + to[0] + 1u, low, side, reach);
+        }
+    }
+    return count;
+}
+
+/* Most nodes within `reach` of any place in a cell, or so many as are known of elsewhere. The cell
+ * is looked at in boxes of at most half the reach, or a quarter of its side. */
+static uint32_t nodes_near_cell(const palp_blob *b, const float cell[3], float reach,
+                                uint32_t known) {
+    const float size = b->meta->cell_size_m, wanted = palp_clamp(2.0f * size / reach, 1.0f, 4.0f);
+    const uint32_t whole = (uint32_t)wanted, parts = whole + ((float)whole < wanted ? 1u : 0u);
+    const float side = size / (float)parts;
+    uint32_t most = known;
+    if (near_box(b, cell, size, reach) <= known) return known;
+    for (uint32_t k = 0; k < parts * parts * parts; k++) { /* at most 64 */
+        const float low[3] = {cell[0] + side * (float)(k % parts),
+                              cell[1] + side * (float)(k / parts % parts),
+                              cell[2] + side * (float)(k / parts / parts)};
+        const uint32_t count = near_box(b, low, side, reach);
+        most = count > most ? count : most;
+    }
+    return most;
+}
+
+/* Most nodes within `reach` of any place. Moving a place outside the grid to the grid's nearest
+ * brings it nearer to every node, so places in the grid are all that count. */
+static uint32_t nodes_within(const palp_blob *b, float reach) {
+    const palp_meta *m = b->meta;
+    const float sure = 1.001f * reach + 1e-3f * m->cell_size_m; /* whatever rounding does */
+    uint32_t most = 0;
+    /* at most cells */
+    for (uint32_t k = 0; k < m->cells[0] * m->cells[1] * m->cells[2]; k++) {
+        const uint32_t x = k % m->cells[0], y = k / m->cells[0] % m->cells[1],
+                       z = k / m->cells[0] / m->cells[1];
+        const float cell[3] = {m->cell_origin_m[0] + m->cell_size_m * (float)x,
+                               m->cell_origin_m[1] + m->cell_size_m * (float)y,
+                               m->cell_origin_m[2] + m->cell_size_m * (float)z};
+        most = nodes_near_cell(b, cell, sure, most);
+    }
+    return most;
+}
+
+/* Neighbours that PALP_LATTICE_RINGS(level's points) nodes have together at most: of the k largest
+ * numbers the sum over all v >= 1 of min(k, how many are at least v). */
+static float rings_of(const palp_blob *blob, uint32_t blobs, palp_contact_level level) {
+    const uint32_t most = PALP_LATTICE_RINGS(level.points);
+    uint32_t sum = 0, count = 1;
+    for (uint32_t v = 1; count > 0u; v++) { /* at most max_ring + 1 */
+        count = 0;
+        for (uint32_t b = 0; b < blobs; b++) {
+            for (uint32_t n = 0; n < blob[b].meta->nodes; n++)
+                count += blob[b].ring_offset[n + 1u] - blob[b].ring_offset[n] >= v ? 1u : 0u;
+        }
+        sum += count < most ? count : most;
+    }
+    return (float)sum;
+}
+
+static void count_rings(palp_contact_cost *c, const palp_blob *blob, uint32_t blobs) {
+    for (uint32_t l = 0; l < PALP_CONTACT_LEVELS; l++)
+        c->rings[l] = rings_of(blob, blobs, palp_contact_cost_level(c, l));
+}
+
+/* Nodes within `reach` of one more body, and all visits on the way to them. */
 static void around(const palp_blob *blob, float reach, palp_contact_presser *p) {
     uint32_t met[3];
     for (uint32_t k = 0; k < 3u; k++) met[k] = cells_met(blob->meta, k, reach);
-    p->nodes += (float)nodes_around(blob, met);
+    p->passed += (float)nodes_around(blob, met);
+    p->nodes += (float)nodes_within(blob, reach);
     p->visits += (float)(met[1] * met[2]);
 }
 
 /* Of a tool, once the nodes of all bodies are counted. */
 static void count_visits(palp_contact_presser *p, const palp_tool *tool) {
     const bool field = tool != NULL && tool->shape == PALP_TOOL_FIELD;
-    p->visits += (field ? 2.0f : 1.0f) * p->nodes;
+    p->visits += p->passed + (field ? p->nodes : 0.0f);
     if (field) p->nodes = palp_min(p->nodes, (float)PALP_LATTICE_TESTS);
 }
 
@@ -86,23 +181,33 @@ static void take_worst(palp_contact_cost *c, const palp_contact_presser *p) {
     c->visits = palp_max(c->visits, p->visits);
 }
 
+palp_contact_cost palp_contact_cost_at(const palp_contact_cost *cost, const palp_tool *tools,
+                                       const palp_prices *price) {
+    palp_contact_cost c = *cost;
+    c.price = *price;
+    c.evaluation = c.deep = 0.0f;
+    for (uint32_t t = 0; t < (uint32_t)c.tools; t++) {
+        take_evaluation(&c.presser[t], &tools[t], price);
+        take_worst(&c, &c.presser[t]);
+    }
+    return c;
+}
+
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price) {
-    palp_contact_cost c = {.price = *price,
-                           .tools = (float)tool_count,
+    palp_contact_cost c = {.tools = (float)tool_count,
                            .ring = (float)blob->meta->max_ring,
                            .finest = PALP_CONTACT_FINEST,
                            .modes = blob->regular.modes};
     for (uint32_t t = 0; t < tool_count; t++) {
-        take_evaluation(&c.presser[t], &tools[t], price);
         around(blob, palp_lattice_reach(&tools[t], blob), &c.presser[t]);
         count_visits(&c.presser[t], &tools[t]);
-        take_worst(&c, &c.presser[t]);
         c.friction = c.friction || tools[t].friction > 0.0f;
         c.samples += samples_of(&tools[t]);
     }
     c.patches = (float)tool_count;
-    return c;
+    count_rings(&c, blob, 1u);
+    return palp_contact_cost_at(&c, tools, price);
 }
 
 palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool pairs,
@@ -143,6 +248,7 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     if (pairs) take_worst(&c, pair);
     c.zones = (float)z->meta->zones;
     c.pairs = pairs ? 1.0f : 0.0f;
+    count_rings(&c, z->blob, z->meta->zones);
     c.patches = (float)tool_count;
     if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
     c.bent = price->of[PALP_WORK_POSITION] + modes * price->of[PALP_WORK_POSITION_MODE];
@@ -180,7 +286,8 @@ static float filled(const palp_contact_cost *cost, palp_lattice_counts done, flo
         (float)done.nodes * PRICE(cost, NODE) + (float)done.feet * PRICE(cost, FOOT) +
         (float)done.evaluations * (evaluation + PRICE(cost, FAR_FIELD)) +
         (float)done.shots * PRICE(cost, SHOT) + (float)done.crossings * PRICE(cost, CROSSING) +
-        (float)done.kept * PRICE(cost, KEPT) + (float)done.bent * cost->bent +
+        (float)done.kept * PRICE(cost, KEPT) + (float)done.followed * PRICE(cost, FOLLOWED) +
+        (float)done.bent * cost->bent +
         (float)done.fillings * PALP_LATTICE_WATCHED *
             (PRICE(cost, CORNER) + PALP_LATTICE_FAR_MODES * PRICE(cost, CORNER_MODE) + cost->bent);
     if (!(cost->zones > 0.0f)) return sum;
@@ -202,13 +309,13 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
     return (palp_lattice_counts){.fillings = 1u,
                                  .around = visits + feet * ring,
                                  .nodes = nodes,
-                                 .evaluations = nodes + seen +
-                                                PALP_LATTICE_RINGS(level.points) * ring +
+                                 .evaluations = nodes + seen + (uint32_t)cost->rings[level.number] +
                                                 7u * feet + 4u + PALP_TOOL_EXIT,
                                  .feet = feet,
                                  .shots = shots,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points),
                                  .kept = palp_contact_cost_level(cost, cost->finest).points,
+                                 .followed = level.points,
                                  .bent = bent};
 }
 
@@ -324,8 +431,9 @@ float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level
     if (cost->zones > 0.0f)
         corners += cost->zones * (cost->solve + 4.0f * cost->unknowns * PRICE(cost, SEAM_MODE)) +
                    (6.0f * a + 3.0f * n) * felt(cost);
+    const float idle = cost->pairs > 0.0f ? cost->tools : cost->tools - 1.0f; /* one presses */
     const float looks =
-        cost->tools * (1.0f + cost->ring + (float)PALP_LATTICE_WATCHED) *
+        idle * (1.0f + cost->ring + (float)PALP_LATTICE_WATCHED) *
         (PRICE(cost, CORNER) + modes * PRICE(cost, CORNER_MODE) + PRICE(cost, TURN));
     float sum = cost->tools * PRICE(cost, FINISH) + corners + looks +
                 n * (PRICE(cost, DERIVATIVE) + cost->deep + lanes * PRICE(cost, DISPLACE)) +

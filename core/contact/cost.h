@@ -4,8 +4,9 @@
  * prices in capitals. Everything follows from the level and from how many points there are.
  *
  *   EVALUATION   balls BALL, PAD or CYLINDER, of the most expensive tool
- *   N            most nodes of the search grid's cells around a tool, wherever it is; of a field
- *                all are looked at, twice AROUND, but PALP_LATTICE_TESTS of them tested
+ *   N            most nodes within a tool's reach, wherever it is: NODE; all nodes of the search
+ *                grid's cells around it are AROUND. Of a field those within reach are AROUND twice,
+ *                and PALP_LATTICE_TESTS of them tested
  *   shots, crossings, rings, feet: the most of one filling (lattice.h)
  */
 #ifndef PALP_CONTACT_COST_H
@@ -14,10 +15,10 @@
 #include "core/budget/price.h"
 #include "core/contact/contact.h"
 
-/* Of one thing that presses: the nodes around it that are tested at most, and all visits of nodes
- * and rows of cells on the way. */
+/* Of one thing that presses, wherever it is: nodes within its reach at most, nodes of the cells
+ * around it, and all visits of nodes and rows of cells on the way. */
 typedef struct {
-    float evaluation, nodes, visits;
+    float evaluation, nodes, passed, visits;
     float ways; /* evaluations of one palp_tool_gap_along, the most; deep: what they cost */
     float deep;
 } palp_contact_presser;
@@ -28,6 +29,7 @@ typedef struct {
     float samples; /* heights of all pads, and extremes of all fields */
     float tools, evaluation, ways, deep, nodes, visits, ring; /* the most of them */
     uint32_t modes, finest; /* finest: the level that points of the last tick may be from */
+    float rings[PALP_CONTACT_LEVELS]; /* all neighbours of the PALP_LATTICE_RINGS most connected */
     bool friction;
     float patches;      /* tools, and pairs of zones */
     float zones, pairs; /* of a multizone model, else 0; 1 if zones touch each other */
@@ -40,9 +42,14 @@ typedef struct {
 /* EVALUATION of a tool. */
 float palp_contact_cost_evaluation(const palp_tool *tool, const palp_prices *price);
 
-/* Cost of this: the cells of the grid, times those around a tool. */
+/* Cost of this: for each tool the cells of the grid, up to 64 times each, times the nodes around a
+ * tool; for each level the rings of all nodes. It is for when a simulation is opened. */
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price);
+
+/* The cost of one body at other prices: nothing is counted anew. */
+palp_contact_cost palp_contact_cost_at(const palp_contact_cost *cost, const palp_tool *tools,
+                                       const palp_prices *price);
 
 /* The same of a multizone model, the worst of its zones in each count; seams on the finest level.
  */
@@ -60,15 +67,15 @@ palp_contact_level palp_contact_cost_level(const palp_contact_cost *cost, uint32
 float palp_contact_cost_patches(const palp_contact_cost *cost);
 
 /* What a filling did: fillings FILLING + around AROUND + nodes NODE + evaluations (EVALUATION +
- * FAR_FIELD) + feet FOOT + shots SHOT + crossings CROSSING + kept KEPT + fillings WATCHED
- * (CORNER + FAR_MODES CORNER_MODE) of lattice.h + bent BENT; between zones an evaluation is a
- * shot as well. */
+ * FAR_FIELD) + feet FOOT + shots SHOT + crossings CROSSING + kept KEPT + followed FOLLOWED +
+ * fillings WATCHED (CORNER + FAR_MODES CORNER_MODE) of lattice.h + bent BENT; between zones an
+ * evaluation is a shot as well. */
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
-/* The most that one palp_contact_fill does: 1 filling; around: N, the rows of cells and feet
- * max_ring; evaluations: N + ways shots + rings max_ring + 7 feet + 4 + PALP_TOOL_EXIT; shots:
- * PALP_LATTICE_SHOTS; crossings; kept: the points of the finest level. To begin a lattice takes
- * less. */
+/* The most that one palp_contact_fill does: 1 filling; around: nodes and rows of the cells,
+ * and feet max_ring; evaluations: N + ways shots + rings + 7 feet + 4 + PALP_TOOL_EXIT; shots:
+ * PALP_LATTICE_SHOTS; crossings; kept: the points of the finest level; followed: of this one. To
+ * begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,
                                              palp_contact_level level);
 float palp_contact_cost_fill(const palp_contact_cost *cost, palp_contact_level level);
@@ -112,10 +119,11 @@ float palp_contact_cost_iterate(const palp_contact_cost *cost, uint32_t count, u
                                 uint32_t iterations);
 
 /* palp_contact_finish, with l = a + 7 sides in whole lanes and 3 count (CORNER + modes CORNER_MODE)
- * for all corners: tools (FINISH + (max_ring + 1 + PALP_LATTICE_WATCHED) (CORNER + modes
- * CORNER_MODE + TURN)) + corners + count (DERIVATIVE + EVALUATION + l DISPLACE) + a (tools
- * ITERATION + l PULL) + 2 l modes CORNER_MODE; with friction + tools (FRICTION + 2 corners + l (RUB
- * + 2 modes CORNER_MODE)) + 4 a l DISPLACE + 2 a (RUB + modes MODE_AT) */
+ * for all corners: tools FINISH + idle (max_ring + 1 + PALP_LATTICE_WATCHED) (CORNER + modes
+ * CORNER_MODE + TURN) + corners + count (DERIVATIVE + EVALUATION + l DISPLACE) + a (tools ITERATION
+ * + l PULL) + 2 l modes CORNER_MODE; with friction + tools (FRICTION + 2 corners + l (RUB + 2 modes
+ * CORNER_MODE)) + 4 a l DISPLACE + 2 a (RUB + modes MODE_AT). Idle: tools that do not press, one
+ * fewer than all where nothing but tools presses. */
 float palp_contact_cost_finish(const palp_contact_cost *cost, palp_contact_level level,
                                uint32_t count, uint32_t active);
 

@@ -127,6 +127,7 @@ uint32_t palp_lattice_fill(palp_lattice *l, const palp_lattice_room *room, uint3
     if (!l->placed) return begin(l, room) ? PALP_LATTICE_BEGUN : 0u;
     fill(&f, l, room, first);
     l->placed = *room->count > first;
+    room->done->followed += *room->count - first;
     if (!l->placed) return PALP_LATTICE_MOVED; /* gone, or overtaken */
     bool moved = palp_lattice_track(l, room, &f);
     const bool lost = f.crossings == 0u || f.tests == 0u;

@@ -134,9 +134,9 @@ typedef struct {
 
 /* What fillings did: tables begun, nodes and rows of cells visited, nodes within reach tested, gaps
  * of the tool evaluated, feet sought, shots and the triangles that they crossed, points of the last
- * tick looked for, nodes asked how they are bent. */
+ * tick looked for, points that the lattice follows, nodes asked how they are bent. */
 typedef struct {
-    uint32_t fillings, around, nodes, evaluations, feet, shots, crossings, kept, bent;
+    uint32_t fillings, around, nodes, evaluations, feet, shots, crossings, kept, followed, bent;
 } palp_lattice_counts;
 
 /* What a lattice works on. */

@@ -9,13 +9,13 @@ palp_contact_level palp_contact_level_of(uint32_t level, uint32_t modes) {
     static const uint32_t share[PALP_CONTACT_LEVELS] = {4, 2, 1, 1, 1};
     static const uint32_t contacts[PALP_CONTACT_LEVELS] = {12, 12, 12, 36, 72};
     uint32_t m = (modes / share[level] + PALP_MODE_LANES - 1u) / PALP_MODE_LANES * PALP_MODE_LANES;
-    return (palp_contact_level){cells[level], 3u * cells[level] + 2u, contacts[level], m};
+    return (palp_contact_level){level, cells[level], 3u * cells[level] + 2u, contacts[level], m};
 }
 
 palp_contact_level palp_contact_level_of_zones(uint32_t level, uint32_t modes) {
     palp_contact_level l = palp_contact_level_of(level, modes);
     if (level >= PALP_CONTACT_FINEST) return l;
-    return (palp_contact_level){ZONE_CELLS, 3u * ZONE_CELLS + 2u, 2u * ZONE_CELLS, l.modes};
+    return (palp_contact_level){level, ZONE_CELLS, 3u * ZONE_CELLS + 2u, 2u * ZONE_CELLS, l.modes};
 }
 
 palp_contact_level palp_contact_level_at(const palp_contact *contact, uint32_t level) {

@@ -14,7 +14,8 @@
 #include <stdint.h>
 
 /* The port: the only function pointer in core. It is called from within ticks, so it must neither
- * wait nor call back. */
+ * wait nor call back. The first reading of a tick is where its time begins to count: a loop that
+ * may wake up late returns when the period began, and what is left of it is shorter by that. */
 typedef struct {
     uint64_t (*now_ns)(void *context); /* never goes back; not NULL */
     void *context;                     /* handed over as it is; may be NULL */

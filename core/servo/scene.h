@@ -66,7 +66,7 @@ typedef struct {
 typedef struct {
     uint64_t tick;
     float bound_ns, elapsed_ns; /* all that the levels allow, within the share of the period; by the
-                                   clock */
+                                   clock, since its first reading (palp_port) */
     const palp_hand_report *hand;                  /* [hands] */
     const palp_body_report *body;                  /* [bodies] */
     const palp_body_felt *felt[PALP_SCENE_BODIES]; /* [tools], of each body */

@@ -30,19 +30,19 @@ static _Alignas(64) uint8_t memory[MEMORY_BYTES];
 static test_trajectory device;
 static uint64_t hash = HASH_BEGIN;
 
-/* What a tick takes at most, in instructions, and how often a core at CORE_MHZ can do that with
- * CYCLES for each of them and a fifth of the period left over. */
-static void print_bound(const char *what, float instructions) {
-    float hz = 0.8e6f * (float)CORE_MHZ / ((float)CYCLES * instructions);
-    print_number(what, (uint64_t)instructions, " instructions at most");
+/* What a tick takes at most, and how often a core at CORE_MHZ can do that with a fifth of the period
+ * left over. */
+static void print_bound(const char *what, float work) {
+    float hz = 0.8e9f / (SYSTICK_NS * work);
+    print_number(what, (uint64_t)work, " " SYSTICK_UNIT " at most");
     print_number(", ", (uint64_t)hz, " Hz\n");
 }
 
 static void print_bounds(const palp_blob *blob, const palp_servo_config *config) {
-    const palp_prices *instructions = &palp_target_cortex_m7.instructions;
-    palp_contact_cost c = palp_contact_cost_of(blob, &config->tool, 1, instructions);
-    float servo = palp_servo_cost_before(instructions, &config->device) +
-                  palp_servo_cost_after(instructions, &config->device);
+    const palp_prices *price = &SYSTICK_TARGET->instructions;
+    palp_contact_cost c = palp_contact_cost_of(blob, &config->tool, 1, price);
+    float servo = palp_servo_cost_before(price, &config->device) +
+                  palp_servo_cost_after(price, &config->device);
     for (uint32_t l = 0; l <= FINEST; l++) {
         print_number("level ", l, ": ");
         print_bound("always, ", servo + palp_answer_cost_least(&c, l));
@@ -65,9 +65,9 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
     trajectory_path(i, i < STATE_TICKS ? 0.0f : 0.12f, q);
     trajectory_speak(&device, &config->device, q, in);
     const palp_tick_input input = {.frames = in, .count = TRAJECTORY_AXES};
-    uint64_t begun = systick_instructions();
+    uint64_t begun = systick_work();
     uint32_t sent = palp_servo_tick(servo, &input, out, &r);
-    uint64_t took = systick_instructions() - begun;
+    uint64_t took = systick_work() - begun;
     trajectory_listen(&device, &config->device, out, sent);
     for (uint32_t k = 0; k < sent; k++) hash = hash_on(hash, out[k].data, out[k].length);
     hash = hash_on(hash, &r.force_N, sizeof r.force_N);
@@ -86,7 +86,7 @@ static void one_tick(palp_servo *servo, const palp_servo_config *config, uint32_
 static void print_tally(const tally *t) {
     print_number("ticks with force ", t->ticks, "\n");
     if (t->ticks == 0u) return;
-    print_number("instructions a tick: mean ", t->sum / t->ticks, "");
+    print_number(SYSTICK_UNIT " a tick: mean ", t->sum / t->ticks, "");
     print_number(", most ", t->most, "\n");
     print_number("most contact points ", t->points, "");
     print_number(", in contact ", t->active, "");
@@ -109,14 +109,14 @@ int main(void) {
     systick_start();
     palp_status status = palp_blob_open(&blob, blob_begin, bytes);
     print_number("blob ", bytes, " bytes in flash");
-    print_number(", opened in ", systick_instructions(), " instructions\n");
+    print_number(", opened in ", systick_work(), " " SYSTICK_UNIT "\n");
     if (status != PALP_OK) {
         semihost_print(palp_status_text(status));
         return 1;
     }
     palp_servo_config config = trajectory_config(&blob, RATE_HZ, 1.5f * blob.meta->mean_edge_m);
     config.finest = FINEST;
-    config.cost = (palp_cost_table){&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
+    config.cost = (palp_cost_table){SYSTICK_TARGET, SYSTICK_NS, 0.0f, 0.8f};
     config.port = (palp_port){systick_now_ns, NULL};
     print_number("data and memory ", (uint64_t)(&bss_end - &data_begin), " bytes of RAM");
     print_number(", servo ", palp_servo_memsize(&blob, FINEST), " of them\n");

@@ -24,15 +24,15 @@ uint64_t systick_count(void) {
     return counted;
 }
 
-uint64_t systick_instructions(void) {
+uint64_t systick_work(void) {
 #ifdef QEMU_TICK_PS
     return systick_count() * QEMU_TICK_PS / (1000u << 6);
 #else
-    return systick_count() / CYCLES;
+    return systick_count();
 #endif
 }
 
 uint64_t systick_now_ns(void *unused) {
     (void)unused;
-    return systick_instructions() * CYCLES * 1000u / CORE_MHZ;
+    return systick_work() * CYCLES * 1000u / CORE_MHZ;
 }

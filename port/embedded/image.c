@@ -97,9 +97,9 @@ static void one_tick(palp_scene *scene, uint32_t i, tally *t) {
         input[h] = (palp_tick_input){
             .frames = in[h], .count = speak(h, t_s, i < STATE_TICKS ? 0.0f : DEPTH_RAD, in[h])};
     embedded_move(scene, (double)i / (double)embedded.rate_hz);
-    const uint64_t begun = systick_instructions();
+    const uint64_t begun = systick_work();
     palp_scene_tick(scene, input, out, sent, &r);
-    const uint64_t took = systick_instructions() - begun;
+    const uint64_t took = systick_work() - begun;
     for (uint32_t h = 0; h < embedded.hands; h++) {
         listen(h, out[h], sent[h]);
         for (uint32_t k = 0; k < sent[h]; k++)
@@ -123,7 +123,7 @@ static void one_tick(palp_scene *scene, uint32_t i, tally *t) {
 static void print_tally(const tally *t) {
     print_number("ticks in RUN ", t->running, "\n");
     if (t->running > 0u) {
-        print_number("instructions a tick: mean ", t->sum / t->running, "");
+        print_number(SYSTICK_UNIT " a tick: mean ", t->sum / t->running, "");
         print_number(", most ", t->most, "\n");
     }
     for (uint32_t b = 0; b < embedded.bodies; b++) {
@@ -139,7 +139,7 @@ int main(void) {
     palp_scene *scene;
     tally t = {.hash = HASH_BEGIN};
     float bound_ns = 0.0f;
-    const palp_cost_table cost = {&palp_target_cortex_m7, CYCLES * 1e3f / CORE_MHZ, 0.0f, 0.8f};
+    const palp_cost_table cost = {SYSTICK_TARGET, SYSTICK_NS, 0.0f, 0.8f};
     const palp_port port = {clock_ns, NULL};
     for (uint32_t h = 0; h < embedded.hands; h++) {
         if (embedded.hand[h].device.drives.protocol == PALP_PROTOCOL_PALP) continue;
@@ -149,7 +149,7 @@ int main(void) {
     systick_start();
     const palp_status status = embedded_open(&scene, &cost, &port, &bound_ns);
     print_number("memory ", embedded.bytes, " bytes");
-    print_number(", opened in ", systick_instructions(), " instructions\n");
+    print_number(", opened in ", systick_work(), " " SYSTICK_UNIT "\n");
     if (status != PALP_OK) {
         semihost_print(palp_status_text(status));
         print_number(": the coarsest answers take ", (uint64_t)(1e-3f * bound_ns), " us\n");

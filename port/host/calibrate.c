@@ -123,11 +123,11 @@ void calibrate(machine *m, const palp_blob *blob, const palp_tool *tool, uint32_
     machine_find(m, target != NULL ? target->name : palp_target_counted.name);
     bench b = {.contact = contact_open(blob, tool, 1, PALP_CONTACT_FINEST),
                .instructions = palp_contact_cost_of(blob, tool, 1, &m->target.instructions),
-               .bytes = palp_contact_cost_of(blob, tool, 1, &palp_bytes_touched),
                .x = palp_vec3_at(blob->rest_m + 3 * node),
                .n = palp_vec3_at(blob->normal + 3 * node),
                .size = palp_tool_size(tool),
                .most = ROUNDS * STEPS * (PALP_CONTACT_ITERATIONS + 1)};
+    b.bytes = palp_contact_cost_at(&b.instructions, tool, &palp_bytes_touched);
     for (int p = 0; p < PARTS; p++) b.sample[p] = allocate(b.most, sizeof *b.sample[p]);
     double warm = slowest(&b, ROUNDS);
     m->ns_per_instruction = (float)(CALIBRATE_SAFETY * warm);

@@ -9,6 +9,8 @@
 typedef struct {
     palp_target target;
     float ns_per_instruction, ns_per_byte;
+    const palp_target *cycles; /* the same in cycles, as stated; NULL: not known */
+    float ns_per_cycle;
     char basis[96]; /* where the speed comes from */
 } machine;
 
@@ -26,6 +28,7 @@ void machine_find(machine *m, const char *name_or_file);
  */
 void machine_choose(machine *m, const char *name_or_file, double ns_per_operation);
 
+/* By cycles where they are stated, else by instructions. */
 palp_cost_table machine_table(const machine *m, double margin);
 
 void machine_write(FILE *f, const machine *m);

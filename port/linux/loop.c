@@ -60,7 +60,10 @@ uint64_t loop_clock(void *context) {
     uint64_t now = l->lockstep ? 0 : monotonic_ns(NULL);
     tick_record *t = l->current;
     if (t == NULL) return now;
-    if (t->clock_count == 0 && !t->clock_full) l->first_ns = now;
+    if (t->clock_count == 0 && !t->clock_full) {
+        if (l->released_ns > 0) now = l->released_ns;
+        l->first_ns = now;
+    }
     if (t->clock_count < RECORD_CLOCKS)
         t->clock_ns[t->clock_count++] = (uint32_t)(now - l->first_ns);
     else
@@ -271,8 +274,9 @@ static void close_down(servo_loop *l) {
     }
 }
 
-/* Waits for tick `next`; returns how many periods were missed, and how late it is for the one after
- * them. Whole periods are skipped, never made up for in a burst. */
+/* Waits for tick `next`; returns how many periods were missed, and how late it is for the first of
+ * them. Whole periods are skipped, never made up for in a burst: then *next is when the one that is
+ * under way began. */
 static uint32_t wait(uint64_t period_ns, uint64_t *next, float *late_us) {
     *next += period_ns;
     uint64_t late = sleep_until(*next);
@@ -329,7 +333,10 @@ void *loop_run(void *context) {
         float late_us = 0;
         if (l->paced) {
             uint32_t missed = wait(period_ns, &next, &late_us);
-            if (!l->simulated) skipped = missed;
+            if (!l->simulated) {
+                skipped = missed;
+                l->released_ns = next;
+            }
         }
         tick += skipped;
         for (uint32_t h = 0; h < hands && !l->simulated && skipped > STALE_PERIODS; h++)

@@ -76,17 +76,20 @@ typedef struct {
     bool leaving;         /* the scene is about to be exchanged */
     uint64_t periods;     /* since the start, those that were missed as well */
     tick_record *current; /* where the clock's readings go */
+    uint64_t released_ns; /* when the tick's period began; 0: no clock paces it */
     uint64_t first_ns;    /* first reading of the tick */
     tick_record *scratch; /* for ticks that find the ring full */
 } servo_loop;
 
-/* What a device's bus has to let through for a scene: its drives' answers, set-points of joints, the marks
- * of lock step. Returns how many patterns. */
+/* What a device's bus has to let through for a scene: its drives' answers, set-points of joints,
+ * the marks of lock step. Returns how many patterns. */
 #define LOOP_FILTERS (PALP_AXES * PALP_DRIVE_FILTERS + PALP_SCENE_DRIVES + 1u)
 uint32_t loop_filters(const scene_setup *setup, uint32_t device, bool lockstep,
                       palp_can_filter filter[LOOP_FILTERS]);
 
-/* The port's clock for a servo in this loop: context is the servo_loop. */
+/* The port's clock for a scene in this loop: context is the servo_loop. Within a tick it counts
+ * from when the tick's period began, so waking up late and receiving are part of what the tick
+ * takes; of a simulated device, which waits with the loop, from the tick's own beginning. */
 uint64_t loop_clock(void *context);
 
 /* The body of the thread; context is the servo_loop. */

@@ -3,20 +3,18 @@
 #include "port/host/util.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <limits.h>
 #include <sched.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
-#include <sys/utsname.h>
 #include <time.h>
 #include <unistd.h>
 
 #define NS_PER_S 1000000000ull
 #define STACK_BYTES (512u * 1024u)
 #define TOUCHED_BYTES (256u * 1024u)
-#define IRQ_PRIORITY 50 /* of threaded interrupts, CAN's among them */
+#define STRICT_PRIORITY 40 /* where none is asked for */
 
 uint64_t monotonic_ns(void *context) {
     struct timespec t;
@@ -33,78 +31,56 @@ uint64_t sleep_until(uint64_t deadline_ns) {
     return now > deadline_ns ? now - deadline_ns : 0;
 }
 
+static int priority_of(const realtime_spec *s) {
+    return s->priority > 0 ? s->priority : s->strict ? STRICT_PRIORITY : 0;
+}
+
 static void complain(bool strict, const char *what, const char *mend) {
     if (strict) die(EXIT_WORK, "not real-time: %s: %s", what, mend);
     warn("not real-time: %s: %s", what, mend);
 }
 
-/* First line of a small file; false when there is none. */
-static bool first_line(const char *path, char *text, size_t size) {
-    FILE *f = fopen(path, "r");
-    bool good = f != NULL && fgets(text, (int)size, f) != NULL;
-    if (f != NULL) fclose(f);
-    if (good) text[strcspn(text, "\n")] = '\0';
-    return good;
-}
-
-static void check_kernel(bool strict) {
-    struct utsname name;
-    char text[16];
-    bool flag = first_line("/sys/kernel/realtime", text, sizeof text) && text[0] == '1';
-    bool named = uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") != NULL;
-    if (!flag && !named)
-        complain(strict, "the kernel is not PREEMPT_RT",
-                 "install linux-image-rt-amd64 or -rt-arm64");
-}
-
-static void check_limits(const realtime_spec *s) {
+/* What a process needs the right to. */
+static void check_rights(const realtime_spec *s) {
     struct rlimit r;
-    bool root = geteuid() == 0;
+    const bool root = geteuid() == 0;
     if (!root && getrlimit(RLIMIT_RTPRIO, &r) == 0 && r.rlim_cur < (rlim_t)s->priority)
         complain(s->strict, "the rtprio limit is below --priority",
                  "add 'USER - rtprio 90' to /etc/security/limits.conf, or use the systemd unit");
     if (!root && getrlimit(RLIMIT_MEMLOCK, &r) == 0 && r.rlim_cur != RLIM_INFINITY)
         complain(s->strict, "locked memory is limited",
                  "add 'USER - memlock unlimited' to /etc/security/limits.conf");
-    if (s->priority > IRQ_PRIORITY)
-        warn("priority %d is above the CAN interrupt's thread (%d): raise that (chrt -f -p %d PID "
-             "of "
-             "irq/*can*), or frames may wait for the tick",
-             s->priority, IRQ_PRIORITY, s->priority + 5 > 98 ? 98 : s->priority + 5);
-    char text[32];
-    if (first_line("/proc/sys/kernel/sched_rt_runtime_us", text, sizeof text) && atol(text) >= 0 &&
-        atol(text) < 950000)
-        complain(s->strict, "real-time tasks are throttled early",
-                 "sysctl kernel.sched_rt_runtime_us=950000, or -1");
-}
-
-static void check_clock(const realtime_spec *s) {
-    char path[96], text[64];
-    int cpu = s->cpu > 0 ? s->cpu : 0;
-    snprintf(path, sizeof path, "/sys/devices/system/cpu/cpu%d/cpufreq/scaling_governor", cpu);
-    if (first_line(path, text, sizeof text) && strcmp(text, "performance") != 0)
-        complain(s->strict, "the clock governor is not 'performance'",
-                 "cpupower frequency-set -g performance");
     /* The file must stay open: the request ends with it. */
     int latency = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
     const int32_t none = 0;
     if (latency < 0 || write(latency, &none, sizeof none) != (ssize_t)sizeof none)
         complain(s->strict, "deep processor sleep cannot be switched off",
                  "give access to /dev/cpu_dma_latency, or boot with intel_idle.max_cstate=1 (x86)");
-    if (first_line("/sys/devices/system/clocksource/clocksource0/current_clocksource", text,
-                   sizeof text) &&
-        (strcmp(text, "acpi_pm") == 0 || strcmp(text, "hpet") == 0 || strcmp(text, "jiffies") == 0))
-        complain(s->strict, "the clock source is slow to read", "boot with tsc=reliable");
+    if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
+        complain(s->strict, "memory cannot be locked",
+                 "raise the memlock limit (ulimit -l unlimited)");
 }
 
-void realtime_prepare(const realtime_spec *spec) {
-    if (!spec->strict && spec->priority == 0) return;
-    check_kernel(spec->strict);
-    check_limits(spec);
-    check_clock(spec);
-    if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
-        complain(spec->strict, "memory cannot be locked",
-                 "raise the memlock limit (ulimit -l unlimited)");
+static void say_missing(void *context, const char *what, const char *mend) {
+    const realtime_spec *s = context;
+    complain(s->strict, what, mend);
+}
+
+void realtime_prepare(realtime_spec *spec) {
+    if (!spec->strict && spec->priority == 0) {
+        if (spec->buses > 0)
+            warn("without --priority N the loop is an ordinary task, and nothing about its timing "
+                 "is guaranteed: --priority 45 --cpu N on a controller (CONTROLLER.md)");
+        return;
+    }
+    startup_spec place = {.root = "",
+                          .cpu = spec->cpu,
+                          .priority = priority_of(spec),
+                          .buses = spec->buses,
+                          .frames = spec->frames};
+    for (uint32_t b = 0; b < spec->buses; b++) place.bus[b] = spec->bus[b];
+    (void)startup_check(&place, say_missing, spec);
+    check_rights(spec);
 }
 
 typedef struct {
@@ -131,7 +107,7 @@ pthread_t realtime_start(const realtime_spec *spec, const char *name, void *(*bo
                          void *context) {
     pthread_t thread;
     pthread_attr_t a;
-    int priority = spec->priority > 0 ? spec->priority : spec->strict ? 40 : 0;
+    int priority = priority_of(spec);
     started *s = allocate(1, sizeof *s); /* lives as long as the thread */
     *s = (started){name, body, context};
     pthread_attr_init(&a);

@@ -3,6 +3,7 @@
 #ifndef PALP_PORT_REALTIME_H
 #define PALP_PORT_REALTIME_H
 
+#include "port/linux/startup.h"
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -16,14 +17,18 @@ typedef struct {
     int cpu;      /* -1: any */
     int priority; /* SCHED_FIFO; 0: ordinary scheduling */
     bool strict;  /* refuse to go on without what real time needs */
+    const char
+        *bus[STARTUP_BUSES]; /* CAN interfaces of the devices; none where they are simulated */
+    uint32_t buses, frames;  /* frames: most that one tick sends on a bus */
 } realtime_spec;
 
 /*
- * Before any thread: looks at the kernel, limits, clock governor and sleep states, says on stderr
- * what is wrong and how to mend it (with `strict` exits 1 at the first), locks memory, and keeps
- * the processors out of deep sleep. Does nothing unless a priority or `strict` is asked for.
+ * Before any thread: looks at the system (startup.h) and at what this process may do, says on
+ * stderr what is missing and how to mend it (with `strict` exits 1 at the first), locks memory, and
+ * keeps the processors out of deep sleep. Without a priority or `strict` it only says, where there
+ * is a bus, that nothing is guaranteed.
  */
-void realtime_prepare(const realtime_spec *spec);
+void realtime_prepare(realtime_spec *spec);
 
 /*
  * Runs `body` in a thread of its own with the scheduling asked for, its stack touched beforehand;

@@ -53,7 +53,7 @@ device arm3-palp
 place 0.03 0 0.05
 tool ball 0.004
 END
-image 1000 elastic "two devices, a capsule with friction and a ball on an elastic body"
+image 700 elastic "two devices, a capsule with friction and a ball on an elastic body"
 scene zones 49.5 << END
 body chain.palp
 finest 2
@@ -76,7 +76,7 @@ jaw -0.3
 tool ball 0.008
 jaw 0.3
 END
-image 1000 dynamic "two jaws on a dynamic body"
+image 900 dynamic "two jaws on a dynamic body"
 scene both 50 << END
 body bean.palp
 finest 1

@@ -217,7 +217,7 @@ static void move_body(const char *path) {
                                         .tool_count = 1,
                                         .max_points = 32,
                                         .most_class = 5,
-                                        .cost = {&palp_target_counted, 0.4f, 0.0f, 0.8f},
+                                        .cost = {&palp_target_counted, 0.3f, 0.0f, 0.8f},
                                         .port = {.now_ns = still_clock},
                                         .tick_s = 1e-3f};
     palp_frame at = palp_frame_at((palp_vec3){0.05f, 0.01f, 0.04f});

@@ -3,7 +3,7 @@
 #include "port/cortexm/systick.h"
 
 void systick_start(void) {}
-uint64_t systick_instructions(void) { return 0; }
+uint64_t systick_work(void) { return 0; }
 uint64_t systick_now_ns(void *unused) {
     (void)unused;
     return 0;

@@ -69,7 +69,7 @@ if [ -x /bin/strace ]; then
     echo "CALLS \$(grep "^\$T " /tmp/trace | grep -v resumed | awk '/clock_nanosleep/{n++} n>20{sub(/\\(.*/,"",\$2); c[\$2]++} END{for(k in c) printf "%s %d; ", k, c[k]}')"
 fi
 palp-sim \$A --seconds 4 >/tmp/sim & palpd /body.palp \$A --priority 80 --seconds 6; echo "EXIT-B \$?"; wait
-palpd /body.palp \$A --priority 80 --seconds 1; echo "EXIT-C \$?"
+palpd /body.palp \$A --seconds 1; echo "EXIT-C \$?"
 palp-sim \$A --seconds 6 --fault busoff@2+0.1 >/tmp/sim & palpd /body.palp \$A --priority 45 --seconds 5; echo "EXIT-D \$?"; wait
 palp-sim \$A --seconds 6 --fault down@2+0.3 >/tmp/sim & palpd /body.palp \$A --priority 45 --seconds 5; echo "EXIT-E \$?"; wait
 slcan vcan0 >/tmp/name & sleep 0.2; P=\$!; S=\$(cat /tmp/name); ip link set \$S up
@@ -125,6 +125,10 @@ for arch in amd64 arm64; do
     ok $? "$arch: $said"
 done
 out=vm-paced-amd64.txt
+sed '/EXIT-A/q' $out | grep -q 'not real-time: the loop may be moved from one processor to another: --cpu N'
+ok $? "what real time lacks is said at the start: $(sed '/EXIT-A/q' $out | grep -c 'not real-time') sentences"
+sed -n '/EXIT-B/,/EXIT-C/p' $out | grep -q 'without --priority N .* nothing about its timing is guaranteed'
+ok $? "and without --priority, that nothing is guaranteed"
 if command -v candump >/dev/null; then
     grep -q 'CANPLAYER 3000 frames' $out; ok $? "canplayer sends our log again and candump writes the same frames in the same order"
 else

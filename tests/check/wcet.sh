@@ -106,9 +106,9 @@ image() { # image NAME BLOB CORE MACHINE FLAGS...
     sed 's/^/#   /' "$work/image.out"
     grep '^hash' "$work/image.out" >> "$work/hashes.$blob"
 }
-image "Cortex-M7, 162 nodes, 80 Hz" small m7 mps2-an500 -DRATE_HZ=80.0f
-image "Cortex-M7, 642 nodes, 75 Hz" flash m7 mps2-an500 -DRATE_HZ=75.0f
-image "Cortex-M55, 162 nodes, 80 Hz" small m55 mps3-an547 -DRATE_HZ=80.0f
+image "Cortex-M7, 162 nodes, 100 Hz" small m7 mps2-an500 -DRATE_HZ=100.0f
+image "Cortex-M7, 642 nodes, 95 Hz" flash m7 mps2-an500 -DRATE_HZ=95.0f
+image "Cortex-M55, 162 nodes, 100 Hz" small m55 mps3-an547 -DRATE_HZ=100.0f
 sh tests/size.sh "$work/small.palp" "$work/middle.palp" > "$work/size.out"
 ok $? "no mutable data, no more stack than PALP_SERVO_STACK in any call on any target"
 sed 's/^/#   /' "$work/size.out"

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Ticks in virtual time, one after another, under contact that keeps changing and with a budget
- * that changes every tick: deadline BLOB TICKS SEED. The clock is what was done: the counters of
+ * that changes every tick: deadline BLOB TICKS SEED [TIMES]. The clock is what was done: the counters of
  * the code at the prices of the target "counted", or, built with -DINSTRUCTIONS and run under
- * counter.c, instructions at the prices of the target that it is built for.
+ * counter.c, instructions at the prices of the target that it is built for. With TIMES the prices are
+ * so many times as high, and so are the budgets.
  *
  * Two things make ticks run out of time. Budgets go from the least that the answer accepts to the
  * most that a tick can ask for. And the clock leaps, at a look chosen at random, to where nothing
@@ -60,11 +61,13 @@ int main(int argc, char **argv) {
     uint64_t ticks = strtoull(argv[2], NULL, 10);
     dice d = {strtoull(argv[3], NULL, 10)};
 #ifdef INSTRUCTIONS
-    const palp_target *target = &palp_target_x86_64;
+    palp_target target = palp_target_x86_64;
     instructions_open();
 #else
-    const palp_target *target = &palp_target_counted;
+    palp_target target = palp_target_counted;
 #endif
+    const float times = argc > 4 ? (float)atof(argv[4]) : 1.0f;
+    for (uint32_t k = 0; k < PALP_WORKS; k++) target.instructions.of[k] *= times;
     static trial t;
     float edge = blob.meta->mean_edge_m, least_ns = 0.0f;
     t.tool = palp_tool_sphere(2.5f * edge);
@@ -72,9 +75,9 @@ int main(int argc, char **argv) {
                                              .tools = &t.tool,
                                              .tool_count = 1,
                                              .finest = PALP_CONTACT_FINEST},
-                                 .cost = {target, 1.0f, 0.0f, 1.0f},
+                                 .cost = {&target, 1.0f, 0.0f, 1.0f},
                                  .port = {now_ns, &t}};
-    palp_prices prices = target->instructions;
+    palp_prices prices = target.instructions;
     palp_contact_cost cost = palp_contact_cost_of(&blob, &t.tool, 1, &prices);
     float full_ns = palp_answer_cost_full(&cost, PALP_CONTACT_FINEST);
     config.dt_s = full_ns * 1e-9f;

@@ -27,5 +27,5 @@ void instructions_open(void) {
 #include "port/cortexm/systick.h"
 
 void instructions_open(void) { systick_start(); }
-uint64_t instructions(void) { return systick_instructions(); }
+uint64_t instructions(void) { return systick_work(); }
 #endif

@@ -7,14 +7,21 @@ shift
 out=${BUILD:-build}/wcet/proof
 mkdir -p "$out"
 gcc -std=gnu11 -O1 -I. tests/wcet/ipet/formulas.c "${BUILD:-build}/libpalp.a" -lm -o "$out/formulas"
-"$out/formulas" 1 60 "$@" > "$out/lines"
-cat <<'C'
-/* SPDX-License-Identifier: MIT */
-/* Made by tests/wcet/prices.sh from the machine code (tests/wcet/README.md). */
-#include "target.h"
-
-C
-for t in x86-64 x86-64-avx2 cortex-a53 cortex-m7; do
-    sh tests/wcet/cases.sh $t "$zones" 11 20 > "$out/$t.cases"
-    python3 tests/wcet/ipet/ipet.py prices $t "$(sh tests/wcet/proof.sh $t)" "$out/lines" "$out/$t.cases"
-done | clang-format --assume-filename=targets.c
+"$out/formulas" 1 120 "$@" > "$out/lines"
+table() { # table TARGET
+    on=${1%-cycles}
+    [ "$on" != "$1" ] || sh tests/wcet/cases.sh "$1" "$zones" 11 20 > "$out/$1.cases"
+    python3 tests/wcet/ipet/ipet.py prices "$1" "$(sh tests/wcet/proof.sh "$on")" "$out/lines" "$out/$on.cases" > "$out/$1.table"
+}
+table x86-64 && table x86-64-avx2 & # two at a time
+table cortex-m7 && table cortex-m7-cycles && table cortex-a53
+wait
+{
+    echo '/* SPDX-License-Identifier: MIT */'
+    echo '/* Made by tests/wcet/prices.sh from the machine code (tests/wcet/README.md). */'
+    echo '#include "target.h"'
+    for t in x86-64 x86-64-avx2 cortex-a53 cortex-m7 cortex-m7-cycles; do
+        echo
+        cat "$out/$t.table"
+    done
+} | clang-format --assume-filename=targets.c

@@ -47,9 +47,9 @@ static palp_vec3 anywhere(dice *d) {
     return (palp_vec3){dice_float(d), dice_float(d), dice_float(d)};
 }
 
-/* A ball as a field of so many samples along each axis. */
+/* A ball as a field of so many samples along each axis, with some of its extremes or none. */
 #define FIELD_SAMPLES 16u
-static palp_tool field_tool(cases *c, float size) {
+static palp_tool field_tool(cases *c, dice *d, float size) {
     int16_t *sample = cases_take(c, FIELD_SAMPLES * FIELD_SAMPLES * FIELD_SAMPLES * sizeof *sample);
     const float half = 1.5f * size, step = 2.0f * half / (float)(FIELD_SAMPLES - 1u);
     const float unit = 2.0f * half / 32767.0f;
@@ -59,8 +59,19 @@ static palp_tool field_tool(cases *c, float size) {
                              step * (float)(i / (FIELD_SAMPLES * FIELD_SAMPLES)) - half};
         sample[i] = (int16_t)((palp_norm(x) - size) / unit);
     }
+    const uint32_t extremes = dice_below(d, 2) * dice_below(d, 65);
+    float *extreme = cases_take(c, 64u * 3u * sizeof *extreme);
+    for (uint32_t k = 0; k < extremes; k++) {
+        const palp_vec3 way = palp_madd((palp_vec3){0.01f, 0.0f, 0.0f}, 1.0f, anywhere(d));
+        const palp_vec3 at = palp_scale(size / palp_norm(way), way);
+        extreme[3u * k] = at.x;
+        extreme[3u * k + 1u] = at.y;
+        extreme[3u * k + 2u] = at.z;
+    }
     return (palp_tool){.shape = PALP_TOOL_FIELD,
-                       .field = {.sample = sample,
+                       .field = {.extreme = extreme,
+                                 .extremes = extremes,
+.sample = sample,
                                  .count = {FIELD_SAMPLES, FIELD_SAMPLES, FIELD_SAMPLES},
                                  .origin_m = {-half, -half, -half},
                                  .step_m = step,
@@ -72,12 +83,12 @@ static palp_tool some_tool(cases *c, dice *d, float edge) {
     float size = edge * (0.6f + 2.5f * (1.0f + dice_float(d)));
     palp_tool tool = palp_tool_sphere(size);
     palp_vec3 z = anywhere(d), x = palp_cross(z, anywhere(d));
-    float length = palp_norm(x);
+    float length = palp_norm(x), *heights;
     switch (dice_below(d, 6)) {
     case 5:
-        return field_tool(c, size);
+        return field_tool(c, d, size);
     case 0:
-        tool.balls = 2u + dice_below(d, 3);
+        tool.balls = 2u + dice_below(d, PALP_TOOL_BALLS - 1u);
         for (uint32_t i = 0; i < tool.balls; i++)
             tool.ball[i] = (palp_ball){palp_scale(0.7f * size, anywhere(d)), size};
         return tool;
@@ -88,6 +99,12 @@ static palp_tool some_tool(cases *c, dice *d, float edge) {
         z = palp_scale(1.0f / palp_norm(z), z);
         tool.pad = (palp_pad){
             .axis = {x, palp_cross(z, x), z}, .half_m = {size, 0.6f * size}, .edge_m = 0.4f * size};
+        if (dice_below(d, 2) == 0u) return tool;
+        tool.pad.columns = 2u + dice_below(d, 16);
+        tool.pad.rows = 2u + dice_below(d, 16);
+        heights = cases_take(c, 17u * 17u * sizeof *heights);
+        for (uint32_t k = 0; k < 17u * 17u; k++) heights[k] = 0.1f * size * dice_float(d);
+        tool.pad.height_m = heights;
         return tool;
     case 2:
         if (length < 0.05f) return tool;
@@ -162,43 +179,49 @@ void cases_of_tick(cases *cases, palp_contact *contact, const palp_contact_cost 
     tell(e, "finish", of_finish, &s, after - before);
 }
 
+/* One to as many tools as there may be about a node, which wanders over the surface. */
 static void run(cases *c, const palp_blob *blob, dice *d) {
     const size_t used = c->used;
     const float edge = blob->meta->mean_edge_m;
+    const uint32_t tools = dice_below(d, 2) == 0u ? 1u : 1u + dice_below(d, PALP_CONTACT_TOOLS);
     palp_contact *contact = cases_take(c, sizeof *contact);
-    palp_tool *tool = cases_take(c, sizeof *tool);
-    *tool = some_tool(c, d, edge);
+    palp_tool *tool = cases_take(c, tools * sizeof *tool);
+    for (uint32_t t = 0; t < tools; t++) tool[t] = some_tool(c, d, edge);
     palp_contact_cost *unit = cases_take(c, PALP_WORKS * sizeof *unit);
+    const palp_prices none = {{0}};
+    const palp_contact_cost counts = palp_contact_cost_of(blob, tool, tools, &none);
     for (uint32_t k = 0; k < cases_prices(c); k++) {
         palp_prices price = cases_price(c, k);
-        unit[k] = palp_contact_cost_of(blob, tool, 1, &price);
+        unit[k] = palp_contact_cost_at(&counts, tool, &price);
     }
     const uint32_t finest = PALP_CONTACT_LEVELS - 1u;
     const palp_contact_config config = {
-        .blob = blob, .tools = tool, .tool_count = 1, .finest = finest};
+        .blob = blob, .tools = tool, .tool_count = tools, .finest = finest};
     size_t bytes = palp_contact_memsize(&config);
     void *memory = cases_take(c, bytes);
     if (palp_contact_init(contact, &config, memory, bytes) == PALP_OK) {
-        const float extent = palp_tool_extent(tool);
         uint32_t node = blob->domain[PALP_FREE].node[dice_below(d, blob->domain[PALP_FREE].slots)];
-        palp_contact_spring spring = {.held = PALP_FRAME_IDENTITY,
-                                      .stiffness_N_per_m = blob->meta->stiffness_max_N_per_m *
-                                                           (0.2f + 1.0f + dice_float(d))};
+        const float stiffness = blob->meta->stiffness_max_N_per_m * (1.2f + dice_float(d));
         for (uint32_t i = 0; i < 40u; i++) {
+            palp_frame at[PALP_CONTACT_TOOLS];
+            palp_contact_spring spring[PALP_CONTACT_TOOLS];
             if (i % 10u == 0u) contact->now = dice_below(d, PALP_CONTACT_LEVELS);
-            if (dice_below(d, 12) == 0u)
-                node = blob->ring[blob->ring_offset[node] +
-                                  dice_below(d, blob->ring_offset[node + 1u] -
-                                                    blob->ring_offset[node])];
-            palp_frame at =
-                palp_frame_at(palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
-                                        extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
-                                        palp_vec3_at(blob->normal + 3u * (size_t)node)));
-            if (i % 3u == 0u) palp_turn_by(anywhere(d), spring.held.r, at.r);
-            spring.held = at;
-            spring.held.t = palp_madd(at.t, 0.3f * edge, anywhere(d));
-            spring.stiffness_Nm_per_rad = dice_below(d, 2) == 0u ? 0.0f : 0.5f;
-            cases_of_tick(c, contact, unit, &at, &spring);
+            for (uint32_t t = 0; t < tools; t++) {
+                if (dice_below(d, 12) == 0u)
+                    node = blob->ring[blob->ring_offset[node] +
+                                      dice_below(d, blob->ring_offset[node + 1u] -
+                                                        blob->ring_offset[node])];
+                const float extent = palp_tool_extent(&tool[t]);
+                const palp_frame rest = PALP_FRAME_IDENTITY;
+                at[t] = palp_frame_at(palp_madd(palp_vec3_at(blob->rest_m + 3u * (size_t)node),
+                                                extent * (1.0f - 0.5f * (1.0f + dice_float(d))),
+                                                palp_vec3_at(blob->normal + 3u * (size_t)node)));
+                if (i % 3u == 0u) palp_turn_by(anywhere(d), rest.r, at[t].r);
+                spring[t] = (palp_contact_spring){.held = at[t], .stiffness_N_per_m = stiffness};
+                spring[t].held.t = palp_madd(at[t].t, 0.3f * edge, anywhere(d));
+                spring[t].stiffness_Nm_per_rad = dice_below(d, 2) == 0u ? 0.0f : 0.5f;
+            }
+            cases_of_tick(c, contact, unit, at, spring);
         }
     }
     c->used = used;

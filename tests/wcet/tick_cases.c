@@ -71,9 +71,11 @@ static session *open_session(cases *c, const palp_blob *blob, uint32_t level, bo
     s->config.cost = (palp_cost_table){&palp_target_counted, 1e-6f, 0.0f, 0.8f};
     s->config.port = (palp_port){by_instructions, s};
     s->unit = cases_take(c, PALP_WORKS * sizeof *s->unit);
+    const palp_prices none = {{0}};
+    const palp_contact_cost counts = palp_contact_cost_of(blob, &s->config.tool, 1, &none);
     for (uint32_t k = 0; k < cases_prices(c); k++) {
         palp_prices price = cases_price(c, k);
-        s->unit[k] = palp_contact_cost_of(blob, &s->config.tool, 1, &price);
+        s->unit[k] = palp_contact_cost_at(&counts, &s->config.tool, &price);
     }
     size_t bytes = palp_servo_memsize(blob, level);
     palp_status status =

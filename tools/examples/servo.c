@@ -26,7 +26,7 @@ int main(int argc, char **argv) {
                       .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                       .scale = 1},
         .finest = PALP_CONTACT_FINEST,
-        .cost = {.target = &palp_target_x86_64, .ns_per_instruction = 0.25f, .margin = 0.8f},
+        .cost = {.target = &palp_target_x86_64, .ns_per_instruction = 0.4f, .margin = 0.8f},
         .port = {.now_ns = monotonic_ns},
         .tool = palp_tool_sphere(arm.tool_radius_m)};
     const palp_status status =

@@ -2,6 +2,7 @@
 /* palp wcet: what every step of a tick costs at most on a target, and whether that is in time. */
 #include "port/host/args.h"
 #include "port/host/blobfile.h"
+#include "port/host/devfile.h"
 #include "tools/wcet/tool_path.h"
 #include "port/host/machine.h"
 #include "port/host/util.h"
@@ -34,6 +35,8 @@ static const char help[] =
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
     "  --tools N         how many of them, 1 to 4 (default 1)\n"
+    "  --device NAME|FILE  which gives the frames and axes of a servo with one tool (default "
+    "arm3)\n"
     "  --margin SHARE    of the period that belongs to the tick (default 0.8)\n"
     "  --hunt SECONDS    search for the most expensive tick: how near to the bound work can come\n"
     "  --keep FILE       write the path of the most expensive tick found\n"
@@ -46,7 +49,7 @@ static const option options[] = {{"--rate", 1},     {"--target", 1}, {"--limits"
                                  {"--friction", 0}, {"--tool", 1},   {"--margin", 1},
                                  {"--hunt", 1},     {"--keep", 1},   {"--replay", 1},
                                  {"--json", 0},     {"--tools", 1},  {"--ns-per-operation", 1},
-                                 {NULL, 0}};
+                                 {"--device", 1},   {NULL, 0}};
 
 static void set_option(void *context, const argument *a) {
     static const char *const tools[] = {"ball", "pad", "cylinder", NULL};
@@ -60,6 +63,8 @@ static void set_option(void *context, const argument *a) {
         s->target = a->value[0];
     } else if (strcmp(a->option, "--ns-per-operation") == 0) {
         s->ns_per_operation = arg_between(a, 0, 1e6);
+    } else if (strcmp(a->option, "--device") == 0) {
+        s->device = a->value[0];
     } else if (strcmp(a->option, "--tools") == 0) {
         s->tools = arg_u32(a, 0, 1, PALP_CONTACT_TOOLS);
     } else if (strcmp(a->option, "--limits") == 0) {
@@ -191,13 +196,15 @@ static void bound_body(const wcet_spec *s, const machine *m, const palp_blob *bl
         die(EXIT_WORK, "%s: has no regular part, which contact needs: bake it again", s->blob);
     palp_tool tool[PALP_CONTACT_TOOLS];
     choose_tools(s, 2 * blob->meta->mean_edge_m, tool);
-    const palp_contact_cost c[2] = {
-        palp_contact_cost_of(blob, tool, s->tools, &m->target.instructions),
-        palp_contact_cost_of(blob, tool, s->tools, &palp_bytes_touched)};
+    const palp_contact_cost instructions =
+        palp_contact_cost_of(blob, tool, s->tools, &m->target.instructions);
+    const palp_contact_cost c[2] = {instructions,
+                                    palp_contact_cost_at(&instructions, tool, &palp_bytes_touched)};
+    const device_file file = device_load(s->device != NULL ? s->device : "arm3");
     double servo[2] = {0, 0}; /* which has one tool */
     for (int k = 0; k < 2 && s->tools == 1; k++)
-        servo[k] = (double)(palp_servo_cost_before(&c[k].price, NULL) +
-                            palp_servo_cost_after(&c[k].price, NULL));
+        servo[k] = (double)(palp_servo_cost_before(&c[k].price, &file.device) +
+                            palp_servo_cost_after(&c[k].price, &file.device));
     bound_levels(c, c, servo, servo, t);
     t->ram_bytes = s->tools == 1
                        ? palp_servo_memsize(blob, PALP_CONTACT_FINEST)
@@ -323,11 +330,17 @@ static void bound_tets(const wcet_spec *s, const machine *m, const void *data, s
     free(memory);
 }
 
+/* The cycles of each row, from the same table in cycles. */
+static void add_cycles(wcet_table *t, const wcet_table *in_cycles) {
+    for (size_t i = 0; i < t->rows; i++) t->row[i].cycles = in_cycles->row[i].instructions;
+}
+
 /* ---- a scene ---- */
 
 static void bound_scene(wcet_spec *s, const machine *m, wcet_table *t) {
-    if (s->tools > 1 || s->friction || s->tool != WCET_BALL)
-        die(EXIT_USAGE, "--tool, --tools and --friction go with a blob: a scene says these itself");
+    if (s->tools > 1 || s->friction || s->tool != WCET_BALL || s->device != NULL)
+        die(EXIT_USAGE,
+            "--tool, --tools, --friction and --device go with a blob: a scene says these itself");
     if (s->search_s > 0 || s->replay != NULL)
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
     scene_file *file = scene_read(s->blob);
@@ -335,13 +348,20 @@ static void bound_scene(wcet_spec *s, const machine *m, wcet_table *t) {
     s->rate_hz = file->rate_hz;
     const scene_setup *setup = scene_set_up(file);
     scene_bounds(setup, m, t);
+    if (m->cycles == NULL) return;
+    machine in_cycles = *m;
+    in_cycles.target = *m->cycles;
+    wcet_table of = {.rows = 0};
+    scene_bounds(setup, &in_cycles, &of);
+    add_cycles(t, &of);
 }
 
 /* ---- what comes of it ---- */
 
 static double time_us(const machine *m, const wcet_row *r) {
-    return 1e-3 *
-           (r->instructions * (double)m->ns_per_instruction + r->bytes * (double)m->ns_per_byte);
+    const double work = m->cycles != NULL ? r->cycles * (double)m->ns_per_cycle
+                                          : r->instructions * (double)m->ns_per_instruction;
+    return 1e-3 * (work + r->bytes * (double)m->ns_per_byte);
 }
 
 /* The finest level whose `step` is in time; -1 if none is. */
@@ -366,9 +386,11 @@ static void print_json(const wcet_spec *s, const machine *m, const wcet_table *t
     for (size_t i = 0; i < t->rows; i++) {
         const wcet_row *r = &t->row[i];
         printf("%s{\"step\":\"%s\",\"level\":%d,\"outer\":%d,\"counts\":\"%s\","
-               "\"instructions_max\":%.0f,\"time_us_max\":%.6g,\"bytes_max\":%.0f,\"share\":%.4g}",
+               "\"instructions_max\":%.0f,\"time_us_max\":%.6g,\"bytes_max\":%.0f,\"share\":%.4g",
                i > 0 ? "," : "", r->step, r->level, r->outer, r->counts, ceil(r->instructions),
                time_us(m, r), ceil(r->bytes), time_us(m, r) / period_us);
+        if (m->cycles != NULL) printf(",\"cycles_stated\":%.0f", ceil(r->cycles));
+        printf("}");
     }
     printf("],\"ram_bytes\":%zu,\"stack_bytes\":%zu,\"finest_level_in_time\":%d,"
            "\"verdict\":\"%s\"}\n",
@@ -378,18 +400,23 @@ static void print_json(const wcet_spec *s, const machine *m, const wcet_table *t
 static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t, int finest,
                        bool fits) {
     double period_us = 1e6 / s->rate_hz;
-    printf("%s at %g Hz on %s: %.3g ns an instruction, %.3g ns a byte (%s)\n\n", s->blob,
-           s->rate_hz, m->target.name, (double)m->ns_per_instruction, (double)m->ns_per_byte,
-           m->basis);
-    printf("%-6s %-9s %14s %11s %8s %11s  %s\n", "level", "step", "instructions", "us", "share",
-           "bytes", "with");
+    const bool cycles = m->cycles != NULL;
+    printf("%s at %g Hz on %s: %.3g ns %s, %.3g ns a byte (%s)\n\n", s->blob, s->rate_hz,
+           m->target.name, (double)(cycles ? m->ns_per_cycle : m->ns_per_instruction),
+           cycles ? "a cycle, of which each instruction takes as many as are stated"
+                  : "an instruction",
+           (double)m->ns_per_byte, m->basis);
+    printf("%-6s %-9s %14s ", "level", "step", "instructions");
+    if (cycles) printf("%13s ", "cycles stated");
+    printf("%11s %8s %11s  %s\n", "us", "share", "bytes", "with");
     for (size_t i = 0; i < t->rows; i++) {
         const wcet_row *r = &t->row[i];
         char level[16];
         snprintf(level, sizeof level, r->outer != r->level ? "%d/%d" : "%d", r->level, r->outer);
         if (r->level < 0) snprintf(level, sizeof level, "approx");
-        printf("%-6s %-9s %14.0f %11.4g %7.1f%% %11.0f  %s\n", level, r->step,
-               ceil(r->instructions), time_us(m, r), 100 * time_us(m, r) / period_us,
+        printf("%-6s %-9s %14.0f ", level, r->step, ceil(r->instructions));
+        if (cycles) printf("%13.0f ", ceil(r->cycles));
+        printf("%11.4g %7.1f%% %11.0f  %s\n", time_us(m, r), 100 * time_us(m, r) / period_us,
                ceil(r->bytes), r->counts);
     }
     printf("\nmemory %zu bytes, stack %zu bytes\n", t->ram_bytes, t->stack_bytes);
@@ -409,6 +436,19 @@ static void print_text(const wcet_spec *s, const machine *m, const wcet_table *t
     }
 }
 
+/* The bounds of what a blob holds. */
+static void bound_data(const wcet_spec *s, const machine *m, void *data, size_t bytes,
+                       wcet_table *t) {
+    if (palp_zones_are_here(data, bytes)) {
+        bound_zones(s, m, data, bytes, t);
+    } else if (palp_tets_are_here(data, bytes)) {
+        bound_tets(s, m, data, bytes, t);
+    } else {
+        const palp_blob blob = open_blob(s->blob, data, bytes);
+        bound_body(s, m, &blob, t);
+    }
+}
+
 /* What is in a blob; true if its path was replayed instead. */
 static bool bound_blob(wcet_spec *s, const machine *m, wcet_table *t) {
     size_t bytes;
@@ -419,19 +459,23 @@ static bool bound_blob(wcet_spec *s, const machine *m, wcet_table *t) {
         die(EXIT_USAGE, "--hunt goes with a ball");
     if ((zones || tets) && (s->search_s > 0 || s->replay != NULL))
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
-    if (zones) {
-        bound_zones(s, m, data, bytes, t);
-    } else if (tets) {
-        bound_tets(s, m, data, bytes, t);
-    } else {
-        palp_blob blob = open_blob(s->blob, data, bytes);
-        if (s->replay != NULL) {
-            const int code = wcet_replay(s, m, &blob);
-            if (code != EXIT_SUCCESS) exit(code);
-            return true;
-        }
-        bound_body(s, m, &blob, t);
-        if (s->search_s > 0) wcet_search(s, m, &blob);
+    if (!zones && !tets && s->replay != NULL) {
+        const palp_blob blob = open_blob(s->blob, data, bytes);
+        const int code = wcet_replay(s, m, &blob);
+        if (code != EXIT_SUCCESS) exit(code);
+        return true;
+    }
+    bound_data(s, m, data, bytes, t);
+    if (m->cycles != NULL) {
+        machine in_cycles = *m;
+        in_cycles.target = *m->cycles;
+        wcet_table of = {.rows = 0};
+        bound_data(s, &in_cycles, data, bytes, &of);
+        add_cycles(t, &of);
+    }
+    if (s->search_s > 0) {
+        const palp_blob blob = open_blob(s->blob, data, bytes);
+        wcet_search(s, m, &blob);
     }
     return false;
 }

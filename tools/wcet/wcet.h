@@ -8,7 +8,7 @@
 typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 
 typedef struct {
-    const char *blob, *target, *keep, *replay;
+    const char *blob, *target, *keep, *replay, *device;
     double rate_hz, margin, search_s, ns_per_operation;
     wcet_tool tool;
     uint32_t tools;               /* how many */
@@ -18,7 +18,7 @@ typedef struct {
 typedef struct {
     char step[12], counts[64];
     int level, outer; /* of contact, of seams, or of meshes; -1: approximate seams */
-    double instructions, bytes;
+    double instructions, bytes, cycles; /* cycles: 0 where they are not stated */
 } wcet_row;
 
 typedef struct {

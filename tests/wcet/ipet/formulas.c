@@ -36,14 +36,15 @@ static void tell(const char *operation, const char *tool, const char *counts, fo
 /* ---- contact on one body ---- */
 
 typedef struct {
-    const palp_blob *blob;
+    palp_contact_cost cost; /* of the body and tools, at no prices */
     palp_tool tool[PALP_CONTACT_TOOLS];
-    uint32_t tools, ring, nodes, visits, level, count, active;
+    uint32_t tools, ring, ring_nodes, nodes, visits, level, count, active;
 } contact_case;
 
 static palp_contact_cost cost_at(const palp_prices *price, const contact_case *c) {
-    palp_contact_cost k = palp_contact_cost_of(c->blob, c->tool, c->tools, price);
+    palp_contact_cost k = palp_contact_cost_at(&c->cost, c->tool, price);
     k.ring = (float)c->ring;
+    k.rings[c->level] = (float)c->ring_nodes;
     k.nodes = k.presser[0].nodes = (float)c->nodes;
     k.visits = k.presser[0].visits = (float)c->visits;
     return k;
@@ -134,40 +135,51 @@ static palp_tool tool_of(uint32_t kind, float friction) {
 static void of_contact(const palp_blob *blob) {
     static const char *const kinds[] = {"balls", "cylinder", "pad", "field"};
     char counts[600];
-    for (uint32_t draw = 0; draw < 4u * PALP_CONTACT_LEVELS * draws; draw++) {
-        contact_case c = {.blob = blob,
-                          .level = draw % PALP_CONTACT_LEVELS,
-                          .tools = 1u + below(PALP_CONTACT_TOOLS)};
-        const uint32_t kind = draw / PALP_CONTACT_LEVELS % 4u;
+    const uint32_t random = 4u * PALP_CONTACT_LEVELS * draws;
+    for (uint32_t draw = 0; draw < random + 6u * PALP_CONTACT_LEVELS; draw++) {
+        const bool own = draw >= random; /* the counts of this body, not of any other */
+        contact_case c = {.level = draw % PALP_CONTACT_LEVELS,
+                          .tools = own ? 1u : 1u + below(PALP_CONTACT_TOOLS)};
+        const uint32_t kind = draw / PALP_CONTACT_LEVELS % (own ? 3u : 4u);
         const float friction = below(2u) == 0u ? 0.3f : 0.0f;
         for (uint32_t t = 0; t < c.tools; t++)
             c.tool[t] = t == 0u ? tool_of(kind, friction) : c.tool[0];
-        c.ring = 4u + below(28u);
-        c.nodes = below(below(4u) == 0u ? 4000u : 300u);
-        const uint32_t cell_rows = 1u + below(100u), passed = c.nodes + below(300u);
+        if (own && kind == 0u) c.tool[0] = palp_tool_sphere(2.0f * blob->meta->mean_edge_m);
+        c.tool[0].friction = friction;
+        const palp_prices none = {{0}};
+        c.cost = palp_contact_cost_of(blob, c.tool, c.tools, &none);
+        const palp_contact_cost here = c.cost;
+        c.ring = own ? (uint32_t)here.ring : 4u + below(28u);
+        c.nodes = own                ? (uint32_t)here.nodes
+                  : below(4u) == 0u ? below(4000u)
+                                    : below(300u);
+        const uint32_t cell_rows =
+            own ? (uint32_t)(here.visits - here.presser[0].passed) : 1u + below(100u);
+        const uint32_t passed = own ? (uint32_t)here.presser[0].passed : c.nodes + below(300u);
         c.visits = passed + cell_rows;
         if (kind == 3u) {
             c.visits += passed;
             if (c.nodes > PALP_LATTICE_TESTS) c.nodes = PALP_LATTICE_TESTS;
         }
-        const palp_prices none = {{0}};
         const palp_contact_cost k = cost_at(&none, &c);
         const palp_contact_level l = palp_contact_cost_level(&k, c.level);
-        c.count = draw < 4u * PALP_CONTACT_LEVELS ? l.points : 1u + below(l.points);
+        c.count = draw < 4u * PALP_CONTACT_LEVELS || own ? l.points : 1u + below(l.points);
         c.active = c.count < l.contacts ? c.count : l.contacts;
-        if (draw >= 8u * PALP_CONTACT_LEVELS) c.active = below(c.active + 1u);
+        if (draw >= 8u * PALP_CONTACT_LEVELS && !own) c.active = below(c.active + 1u);
         const palp_contact_level most = palp_contact_cost_level(&k, k.finest);
         const uint32_t shots = PALP_LATTICE_SHOTS(l.points), feet = PALP_LATTICE_FEET(l.points),
                        rings = PALP_LATTICE_RINGS(l.points);
+        c.ring_nodes = own ? (uint32_t)here.rings[c.level]
+                           : rings + below(rings * (c.ring - 1u) + 1u);
         (void)snprintf(counts, sizeof counts,
-                       "tools=%u patches=%u bodies=1 runs=1 hops=1 balls=%u extremes=%u "
+                       "here=%u tools=%u patches=%u bodies=1 runs=1 hops=1 balls=%u extremes=%u "
                        "patch_samples=%u ring=%u nodes=%u visits=%u "
-                       "cell_rows=%u shots=%u feet=%u rings=%u gaps=%u crossings=%u points=%u "
+                       "cell_rows=%u shots=%u feet=%u rings=%u ring_nodes=%u gaps=%u crossings=%u points=%u "
                        "before=%u modes=%u mode_lanes=2",
-                       c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u,
+                       own, c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u,
                        c.tool[0].field.extremes, c.tool[0].pad.columns * c.tool[0].pad.rows, c.ring,
-                       c.nodes, passed, cell_rows, shots, feet, rings,
-                       c.nodes + rings * c.ring + shots + 7u * feet + 2u,
+                       c.nodes, passed, cell_rows, shots, feet, rings, c.ring_nodes,
+                       c.nodes + c.ring_nodes + shots + 7u * feet + 2u,
                        PALP_LATTICE_CROSSINGS(l.points), l.points, most.points, l.modes);
         tell("fill", kinds[kind], counts, of_fill, &c);
         /* less of some of it, so that each kind of work stands for its own */
@@ -178,28 +190,30 @@ static void of_contact(const palp_blob *blob) {
                                   below(2u) * below(PALP_LATTICE_CROSSINGS(l.points) + 1u),
                                   below(2u) * below(most.points + 1u),
                                   below(2u) * below(passed + 1u)};
+        const uint32_t followed = some[0] < l.points ? some[0] : l.points;
+        const uint32_t asked = some[2] * c.ring_nodes / rings; /* neighbours of these nodes */
         const uint32_t ways = 1u + palp_tool_out(&c.tool[0]);
         const filled_case f = {
             &c,
             {.fillings = 1u,
              .around = (kind == 3u ? 2u : 1u) * some[6] + cell_rows + some[1] * c.ring,
              .nodes = some[3],
-             .evaluations =
-                 some[3] + ways * some[0] + some[2] * c.ring + 7u * some[1] + 4u + PALP_TOOL_EXIT,
+             .evaluations = some[3] + ways * some[0] + asked + 7u * some[1] + 4u + PALP_TOOL_EXIT,
              .feet = some[1],
              .shots = some[0],
              .crossings = some[4],
-             .kept = some[5]}};
+             .kept = some[5],
+             .followed = followed}};
         (void)snprintf(counts, sizeof counts,
                        "tools=%u patches=%u bodies=1 runs=1 hops=1 balls=%u extremes=%u "
                        "patch_samples=%u ring=%u nodes=%u visits=%u "
-                       "cell_rows=%u shots=%u feet=%u rings=%u gaps=%u crossings=%u points=%u "
+                       "cell_rows=%u shots=%u feet=%u rings=%u ring_nodes=%u gaps=%u crossings=%u points=%u "
                        "before=%u modes=%u mode_lanes=2",
                        c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u,
                        c.tool[0].field.extremes, c.tool[0].pad.columns * c.tool[0].pad.rows, c.ring,
                        some[3], some[6], cell_rows, some[0], some[1], some[2],
-                       some[3] + some[2] * c.ring + some[0] + 7u * some[1] + 2u, some[4],
-                       some[0] < l.points ? some[0] : l.points, some[5], l.modes);
+                       asked, some[3] + asked + some[0] + 7u * some[1] + 2u, some[4],
+                       followed, some[5], l.modes);
         tell("filled", kinds[kind], counts, of_filled, &f);
         const uint32_t in_factor = c.active < c.count / 2u ? c.active : c.count / 2u;
         double appended = 0, squares = 0; /* as it goes in factor_active */
@@ -210,15 +224,15 @@ static void of_contact(const palp_blob *blob) {
         }
         (void)snprintf(
             counts, sizeof counts,
-            "tools=%u patches=%u bodies=1 runs=1 hops=1 balls=%u extremes=%u patch_samples=%u "
+            "here=%u tools=%u patches=%u bodies=1 runs=1 hops=1 balls=%u extremes=%u patch_samples=%u "
             "ring=%u points=%u sides=%u "
             "active=%u pressed=%u modes=%u mode_lanes=%u lanes=%u rows=%u pairs=%u batches=%u "
-            "paired=0 friction=%u before=%u appended=%.9g squares=%.9g looked=%u own=%.9g",
-            c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u, c.tool[0].field.extremes,
+            "paired=0 idle=%u friction=%u before=%u appended=%.9g squares=%.9g looked=%u own=%.9g",
+            own, c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u, c.tool[0].field.extremes,
             c.tool[0].pad.columns * c.tool[0].pad.rows, c.ring, c.count, c.count, c.active,
             c.active + 7u, l.modes, l.modes / 8u, (c.active + 7u) / 8u, c.count,
             c.count * (c.count + 1u) / 2u, (c.count + PALP_CONTACT_ROWS - 1u) / PALP_CONTACT_ROWS,
-            friction > 0.0f ? 1u : 0u, most.points, appended, squares,
+            c.tools - 1u, friction > 0.0f ? 1u : 0u, most.points, appended, squares,
             (in_factor + 1u) * (c.count - in_factor), (double)c.active / c.tools);
         tell("points", kinds[kind], counts, of_points, &c);
         tell("assemble", kinds[kind], counts, of_assemble, &c);

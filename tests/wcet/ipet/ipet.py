@@ -3,10 +3,11 @@
 
 usage: ipet.py survey TARGET BINARY             every loop of core, and what there is to know of its graphs
        ipet.py bound TARGET BINARY FUNCTION...  their bounds, in named counts
-       ipet.py hold TARGET BINARY LINES         formulas (the output of `formulas`) at the target's prices against the bounds
+       ipet.py hold TARGET BINARY LINES [COUNTED]   formulas (the output of `formulas`) at the target's prices against the bounds;
+                                                and how near to its bound a counted case came (what cases.sh prints with hold)
        ipet.py prices TARGET BINARY LINES [CASES]   the lowest prices at which no formula is below its bound, as C (glpsol)
 
-TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7. BINARY: all of core with its debug information, linked (tests/wcet/proof.sh)."""
+TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7; or cortex-m7-cycles: the same in cycles, as cycles.py states them. BINARY: all of core with its debug information, linked (tests/wcet/proof.sh)."""
 import collections
 import os
 import re
@@ -17,6 +18,7 @@ import tempfile
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from binary import Binary, Graph
 from bound import Bounds
+import cycles
 from operations import OPERATIONS, of_other_shapes
 from polynomial import ZERO, Polynomial
 from source import Source
@@ -26,22 +28,24 @@ ROOT = os.path.abspath(os.path.join(HERE, "..", "..", ".."))
 COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: copies.c holds the target's own against them
 FITTED_ROOM = 1.25               # of operations that are not derived, over the most counted
 ROOM = 1.02                      # of prices, over the derivation at the counts that they are fitted at: others come near
+BODY = 10.0                      # weight of the counts that a body has against those that any might have
 CLOCK = 60                       # of one reading of the port's clock: stated, not derived
-
-
-def copy_takes(name, count):
-    return Polynomial.of(COPY_CALL) + count.scaled(COPY_BYTE)
+AT_MOST = 4                      # cycles of an instruction where only instructions are known: of these, and of counted cases
 
 
 class Proof:
     def __init__(self, target, path):
-        self.binary = Binary(target, path, ROOT)
+        self.target, self.cycles = target, target.endswith("-cycles")
+        self.binary = Binary(target.replace("-cycles", ""), path, ROOT)
         self.source = Source(ROOT, os.path.join(HERE, "counts.txt"))
         self.shared = None
         self.faults, self.cache = collections.OrderedDict(), {}
 
     def bounds(self, never=(), apart=()):
-        b = Bounds(self.binary, self.source, outside=copy_takes, indirect=Polynomial.of(CLOCK))
+        each = AT_MOST if self.cycles else 1
+        copy = lambda name, count: Polynomial.of(each * COPY_CALL) + count.scaled(each * COPY_BYTE)
+        weigh = {"weigh": cycles.weigh} if self.cycles else {}
+        b = Bounds(self.binary, self.source, outside=copy, indirect=Polynomial.of(each * CLOCK), **weigh)
         b.stops = {n: ZERO for n in list(never) + list(apart)}
         if self.shared is not None:
             b.parts = self.shared
@@ -113,21 +117,33 @@ def prices_of(target):
     return [float(found.get(k, 0)) for k, _ in kinds()]
 
 
-def counted(proof, op, counts):
-    extra = OPERATIONS[op][0].counts
-    return collections.defaultdict(float, {**counts, **extra})
-
-
 def value(proof, op, tool, counts):
-    p, at = proof.of(op, tool), counted(proof, op, counts)
-    missing = [n for n in p.names() if n not in at]
-    if missing:
-        proof.faults["%s %s" % (op, tool)] = "the formula's case does not say " + ", ".join(missing)
-    return p.at(at)
+    """The bound of an operation at a formula's counts."""
+    p = proof.of(op, tool)
+    at = {**counts, **OPERATIONS[op][0].counts}
+    try:
+        return p.at(at)
+    except KeyError as missing:
+        proof.faults["%s %s" % (op, tool)] = "the formula's case does not say %s" % missing
+        return 0.0
 
 
-def hold(target, path, lines):
-    proof, price = Proof(target, path), prices_of(target)
+CASES = {"filled": "fill", "dynamic_rubbing": "dynamic", "finish_rubbing": "", "fill": ""}  # whose names differ
+
+
+def nearest(path):
+    """Of each operation the most that cases took of their own bounds: (most instructions counted, share)."""
+    found = {}
+    for line in open(path) if path is not None else []:
+        word = line.split()
+        if len(word) == 7:
+            most, share = found.get(word[0], (0, 0.0))
+            found[word[0]] = (max(most, int(word[3])), max(share, float(word[5])))
+    return found
+
+
+def hold(target, path, lines, counted_path=None):
+    proof, price, near = Proof(target, path), prices_of(target), nearest(counted_path)
     rows = collections.OrderedDict()
     for op, tool, counts, features in read_lines(lines):
         derived = value(proof, op, tool, counts)
@@ -138,9 +154,12 @@ def hold(target, path, lines):
         if derived > 0 and formula / derived < r[2]:
             r[2], r[4], r[5] = formula / derived, derived, formula
         r[3] = max(r[3], formula / derived if derived > 0 else 0)
-    print("%-16s %-9s %6s %6s %10s %10s %8s %8s" % ("operation", "tool", "cases", "below", "derived", "formula", "least", "most"))
+    print("%-16s %-9s %6s %6s %10s %10s %7s %7s %9s %7s" % ("operation", "tool", "asked", "below", "derived", "formula", "least", "most",
+                                                            "counted", "nearest"))
     for (op, tool), r in rows.items():
-        print("%-16s %-9s %6d %6d %10.0f %10.0f %8.3f %8.3f" % (op, tool, r[0], r[1], r[4], r[5], r[2], r[3]))
+        most, share = near.get(CASES.get(op, op), (0, 0))
+        said = "%9d %7.3f" % (most, share) if most > 0 else "%9s %7s" % ("-", "-")
+        print("%-16s %-9s %6d %6d %10.0f %10.0f %7.3f %7.3f %s" % (op, tool, r[0], r[1], r[4], r[5], r[2], r[3], said))
     below = sum(r[1] for r in rows.values())
     print("%s: %d formulas at %d counts, %d below the derivation" % (target, len(rows), sum(r[0] for r in rows.values()), below))
     return 1 if fail(proof) or below else 0
@@ -160,6 +179,18 @@ def solve(goal, rows, floor):
             raise SystemExit("glpsol: " + done.stdout[-400:])
         text = open(out).read()
     return {int(k): float(v) for k, v in re.findall(r"\sw(\d+)\s+(?:B|NL|NU|NF|NS)\s+([\d.e+-]+)", text)}
+
+
+def solve_all(goal, rows, floor):
+    """The same, with few of the rows at first, and those that its answer does not meet after each time."""
+    chosen = set(range(0, len(rows), 8))
+    while True:
+        found = solve(goal, [rows[i] for i in sorted(chosen)], floor)
+        at = lambda k: found.get(k, floor[k])
+        missed = [i for i, row in enumerate(rows) if i not in chosen and sum(n * at(k) for k, n in row.items()) < 0.9999]
+        if not missed:
+            return found
+        chosen.update(missed)
 
 
 def fitted(path):
@@ -182,8 +213,8 @@ def prices(target, path, lines, cases=None):
     counts_of = {k: float(n) for k, n in re.findall(r"\[PALP_WORK_(\w+)\] = (\d+)", text)}
     weight, goal, rows = collections.Counter(), collections.Counter(), []
     every = list(read_lines(lines))
-    for op, tool, _, _ in every:
-        weight[op, tool] += 1
+    for op, tool, counts, _ in every:
+        weight[op, tool, counts.get("here", 0)] += 1
 
     def add(features, need, share):
         if need > 0:
@@ -191,15 +222,16 @@ def prices(target, path, lines, cases=None):
             for k, n in features.items():
                 goal[k] += n / need * share
     for op, tool, counts, features in every:
-        add(features, ROOM * value(proof, op, tool, counts), 1.0 / weight[op, tool])
+        here = counts.get("here", 0)
+        add(features, ROOM * value(proof, op, tool, counts), (BODY if here else 1.0) / weight[op, tool, here])
     if fail(proof):
         return 1
     more = list(fitted(cases)) if cases is not None else []
     weight = collections.Counter(op for op, _, _ in more)
     for op, count, features in more:
-        add(features, FITTED_ROOM * count, 0.1 / weight[op])
-    found = solve(goal, rows, {i: 0.5 * counts_of.get(k, 0) for i, (k, _) in enumerate(names)})
-    print("const palp_target palp_target_%s = {\n    \"%s\"," % (target.replace("-", "_"), target))
+        add(features, FITTED_ROOM * count * (AT_MOST if proof.cycles else 1), 0.1 / weight[op])
+    found = solve_all(goal, rows, {i: 0.5 * counts_of.get(k, 0) for i, (k, _) in enumerate(names)})
+    print("const palp_target palp_target_%s = {\n    \"%s\"," % (target.replace("-", "_"), target.replace("-cycles", "")))
     terms = ["[PALP_WORK_%s] = %sf" % (k, "%.2f" % (found.get(i, 0.5 * counts_of.get(k, 0)) * 1.0001 + 0.005)) for i, (k, _) in enumerate(names)]
     print("    {{" + ", ".join(terms) + "}}};\n")
     return 0
@@ -215,7 +247,7 @@ def main():
     if command == "bound":
         return bound(target, path, sys.argv[4:])
     if command == "hold":
-        return hold(target, path, sys.argv[4])
+        return hold(target, path, *sys.argv[4:6])
     if command == "prices":
         return prices(target, path, *sys.argv[4:6])
     print(__doc__)
