@@ -1,10 +1,27 @@
 /* SPDX-License-Identifier: MIT */
 #include "linalg.h"
+#include "apart.h"
 #include "real.h"
 
 /* y[0..n) -= s * x[0..n) */
 static void axpy_minus(float *restrict y, const float *restrict x, float s, size_t n) {
-    for (size_t k = 0; k < n; k++) y[k] -= s * x[k];
+    const size_t whole = n / PALP_BESIDE;
+    for (size_t q = 0; q < whole; q++) {
+        for (size_t e = 0; e < PALP_BESIDE; e++)
+            y[PALP_BESIDE * q + e] -= s * x[PALP_BESIDE * q + e];
+    }
+    for (size_t k = PALP_BESIDE * whole; k < n; k++) y[k] -= s * x[k]; /* at most 3 */
+}
+
+/* sum - x . y, one product after another. */
+static float minus_dot(float sum, const float *x, const float *y, size_t n) {
+    const size_t whole = n / PALP_BESIDE;
+    for (size_t q = 0; q < whole; q++) {
+        for (size_t e = 0; e < PALP_BESIDE; e++)
+            sum -= x[PALP_BESIDE * q + e] * y[PALP_BESIDE * q + e];
+    }
+    for (size_t k = PALP_BESIDE * whole; k < n; k++) sum -= x[k] * y[k]; /* at most 3 */
+    return sum;
 }
 
 /* Four floats that never meet one another: every target, with or without vector registers, gives
@@ -80,8 +97,7 @@ palp_status palp_chol_factor(float *a, size_t n, size_t stride) {
 palp_status palp_chol_append(float *r, size_t n, size_t stride, float *column) {
     float diagonal = column[n];
     palp_chol_forward(r, n, stride, column);
-    float pivot = diagonal;
-    for (size_t i = 0; i < n; i++) pivot -= column[i] * column[i];
+    const float pivot = minus_dot(diagonal, column, column, n);
     if (!(pivot > PALP_PIVOT_MIN * diagonal)) return PALP_ERR_NOT_SPD;
     for (size_t i = 0; i < n; i++) r[i * stride + n] = column[i];
     r[n * stride + n] = palp_sqrt(pivot);
@@ -99,9 +115,7 @@ void palp_chol_forward(const float *r, size_t n, size_t stride, float *b) {
 void palp_chol_backward(const float *r, size_t n, size_t stride, float *b) {
     for (size_t j = n; j-- > 0;) {
         const float *row = r + j * stride;
-        float sum = b[j];
-        for (size_t k = j + 1; k < n; k++) sum -= row[k] * b[k];
-        b[j] = sum / row[j];
+        b[j] = minus_dot(b[j], row + j + 1, b + j + 1, n - j - 1) / row[j];
     }
 }
 
@@ -143,22 +157,33 @@ void palp_subtract_product_upper(float *c, size_t c_stride, const palp_product *
         subtract_rows(c, c_stride, product, i, i / width * width);
 }
 
+/* The row from j on whose entry in column j is largest. */
+PALP_APART static size_t pivot_row(const float *a, size_t n, size_t stride, size_t j) {
+    size_t best = j;
+    for (size_t i = j + 1; i < n; i++) {
+        if (palp_abs(a[i * stride + j]) > palp_abs(a[best * stride + j])) best = i;
+    }
+    return best;
+}
+
+/* Swaps two rows; returns the largest entry of what is the first then. */
+static float swap_rows(float *row, float *other, size_t n) {
+    float largest = 0.0f;
+    for (size_t k = 0; k < n; k++) {
+        const float t = row[k];
+        row[k] = other[k];
+        other[k] = t;
+        largest = palp_max(largest, palp_abs(row[k]));
+    }
+    return largest;
+}
+
 palp_status palp_lu_factor(float *a, uint32_t *perm, size_t n, size_t stride) {
     for (size_t j = 0; j < n; j++) {
-        size_t best = j;
-        for (size_t i = j + 1; i < n; i++) {
-            if (palp_abs(a[i * stride + j]) > palp_abs(a[best * stride + j])) best = i;
-        }
+        const size_t best = pivot_row(a, n, stride, j);
         perm[j] = (uint32_t)best;
         float *row = a + j * stride;
-        float *swap = a + best * stride;
-        float largest = 0.0f;
-        for (size_t k = 0; k < n; k++) {
-            float t = row[k];
-            row[k] = swap[k];
-            swap[k] = t;
-            largest = palp_max(largest, palp_abs(row[k]));
-        }
+        const float largest = swap_rows(row, a + best * stride, n);
         if (!(palp_abs(row[j]) > PALP_PIVOT_MIN * largest)) return PALP_ERR_SINGULAR;
         for (size_t i = j + 1; i < n; i++) {
             float *target = a + i * stride;

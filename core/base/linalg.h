@@ -15,6 +15,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Terms of a long sum or row that are written out beside each other: then the compiler neither makes
+ * a loop of them nor doubles it, and how often it turns is known. */
+#define PALP_BESIDE 4u
+
 /* Smallest accepted pivot relative to the diagonal entry that it came from. */
 #define PALP_PIVOT_MIN 1e-6f
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The compliance between contact points: half-space and modes (surface/surface.h). */
 #include "core/base/apart.h"
+#include "core/base/linalg.h"
 #include "core/contact/contact_internal.h"
 
 #define NO_SIDE 0xffffu /* among those in contact: padding */
@@ -13,33 +14,54 @@ palp_half_space palp_contact_half_space(const palp_contact *contact, uint32_t bo
                              0.5f * (a->poisson + b->poisson)};
 }
 
+/* What a row of the half-space needs of its own side: place, normal, direction of the force, cell
+ * and patch. */
+typedef struct {
+    float x, y, z, nx, ny, nz, mx, my, mz, cell, patch;
+    float nu, rest, factor; /* of the half-space */
+} row_side;
+
+/* The same of side j, from the columns of all. */
+static inline float half_space_between(const row_side *i, const float *const *column, size_t j) {
+    const float mx = column[COL_M][j], my = column[COL_M + 1][j], mz = column[COL_M + 2][j];
+    float ex = i->x - column[COL_Y][j], ey = i->y - column[COL_Y + 1][j],
+          ez = i->z - column[COL_Y + 2][j];
+    float r2 = ex * ex + ey * ey + ez * ez, s2 = i->cell * column[COL_CELL][j];
+    float apart = palp_abs(i->patch - column[COL_PATCH][j]) > 0.5f ? r2 + SPREAD2 * s2
+                                                                   : palp_max(r2, NEAREST2 * s2);
+    float inverse = 1.0f / palp_sqrt(apart);
+    ex *= inverse;
+    ey *= inverse;
+    ez *= inverse;
+    float hx = 0.5f * (i->nx + column[COL_N][j]), hy = 0.5f * (i->ny + column[COL_N + 1][j]),
+          hz = 0.5f * (i->nz + column[COL_N + 2][j]);
+    float mm = i->mx * mx + i->my * my + i->mz * mz;
+    float p = i->mx * ex + i->my * ey + i->mz * ez, q = mx * ex + my * ey + mz * ez;
+    float a = hx * mx + hy * my + hz * mz, b = hx * i->mx + hy * i->my + hz * i->mz;
+    return i->factor * inverse * ((1.0f - i->nu) * mm + i->nu * p * q + i->rest * (p * a - b * q));
+}
+
 /* Of side i with the sides first..end - 1, all on one body. */
 static void half_space_row(const palp_contact *c, palp_half_space h, uint32_t i, uint32_t first,
                            uint32_t end, float *restrict row) {
-    const float *restrict x = c->column[COL_Y], *restrict y = c->column[COL_Y + 1],
-                          *restrict z = c->column[COL_Y + 2], *restrict nx = c->column[COL_N],
-                          *restrict ny = c->column[COL_N + 1], *restrict nz = c->column[COL_N + 2],
-                          *restrict mx = c->column[COL_M], *restrict my = c->column[COL_M + 1],
-                          *restrict mz = c->column[COL_M + 2], *restrict cell = c->column[COL_CELL],
-                          *restrict patch = c->column[COL_PATCH];
-    const float nu = h.poisson, rest = 0.5f - nu, factor = h.factor;
-    const float xi = x[i], yi = y[i], zi = z[i], nxi = nx[i], nyi = ny[i], nzi = nz[i];
-    const float mxi = mx[i], myi = my[i], mzi = mz[i], si = cell[i], pi = patch[i];
-    for (uint32_t j = first; j < end; j++) {
-        float ex = xi - x[j], ey = yi - y[j], ez = zi - z[j];
-        float r2 = ex * ex + ey * ey + ez * ez, s2 = si * cell[j];
-        float apart =
-            palp_abs(pi - patch[j]) > 0.5f ? r2 + SPREAD2 * s2 : palp_max(r2, NEAREST2 * s2);
-        float inverse = 1.0f / palp_sqrt(apart);
-        ex *= inverse;
-        ey *= inverse;
-        ez *= inverse;
-        float hx = 0.5f * (nxi + nx[j]), hy = 0.5f * (nyi + ny[j]), hz = 0.5f * (nzi + nz[j]);
-        float mm = mxi * mx[j] + myi * my[j] + mzi * mz[j];
-        float p = mxi * ex + myi * ey + mzi * ez, q = mx[j] * ex + my[j] * ey + mz[j] * ez;
-        float a = hx * mx[j] + hy * my[j] + hz * mz[j], b = hx * mxi + hy * myi + hz * mzi;
-        row[j] = factor * inverse * ((1.0f - nu) * mm + nu * p * q + rest * (p * a - b * q));
+    const float *const *column = (const float *const *)c->column;
+    const row_side side = {column[COL_Y][i],     column[COL_Y + 1][i],
+                           column[COL_Y + 2][i], column[COL_N][i],
+                           column[COL_N + 1][i], column[COL_N + 2][i],
+                           column[COL_M][i],     column[COL_M + 1][i],
+                           column[COL_M + 2][i], column[COL_CELL][i],
+                           column[COL_PATCH][i], h.poisson,
+                           0.5f - h.poisson,     h.factor};
+    const size_t whole = (end - first) / PALP_BESIDE;
+    for (size_t q = 0; q < whole; q++) {
+        const size_t at = first + PALP_BESIDE * q;
+        float lane[PALP_BESIDE];
+        for (size_t e = 0; e < PALP_BESIDE; e++)
+            lane[e] = half_space_between(&side, column, at + e);
+        for (size_t e = 0; e < PALP_BESIDE; e++) row[at + e] = lane[e];
     }
+    for (size_t j = first + PALP_BESIDE * whole; j < end; j++) /* at most 3 */
+        row[j] = half_space_between(&side, column, j);
 }
 
 /* f B f of one side that stands for its cell, for a unit force along m. */
@@ -55,6 +77,7 @@ static float half_space_self(const palp_contact *c, uint32_t body, uint32_t side
 static void modes_row(const palp_contact *c, uint32_t i, uint32_t first, uint32_t end,
                       float *restrict row) {
     const uint32_t modes = c->level.modes;
+    const size_t whole = (end - first) / PALP_BESIDE;
     const float *value = c->surface[0].blob->regular.value;
     for (uint32_t a = 0; a < modes; a += 4u) { /* PALP_MODE_LANES is a multiple of it */
         const float *restrict v0 = c->mode + (size_t)a * c->side_room,
@@ -62,7 +85,13 @@ static void modes_row(const palp_contact *c, uint32_t i, uint32_t first, uint32_
                               *restrict v3 = v2 + c->side_room;
         const float w0 = value[a] * v0[i], w1 = value[a + 1u] * v1[i], w2 = value[a + 2u] * v2[i],
                     w3 = value[a + 3u] * v3[i];
-        for (uint32_t j = first; j < end; j++)
+        for (size_t q = 0; q < whole; q++) {
+            for (size_t e = 0; e < PALP_BESIDE; e++) {
+                const size_t j = first + PALP_BESIDE * q + e;
+                row[j] += w0 * v0[j] + w1 * v1[j] + w2 * v2[j] + w3 * v3[j];
+            }
+        }
+        for (size_t j = first + PALP_BESIDE * whole; j < end; j++) /* at most 3 */
             row[j] += w0 * v0[j] + w1 * v1[j] + w2 * v2[j] + w3 * v3[j];
     }
 }

@@ -342,6 +342,19 @@ static void factor_active(palp_contact *c) {
     c->work_done += n * n * n / 6u + 2u * n * n + c->count;
 }
 
+/* What the forces of the points in contact move a point by, whose row of g this is. */
+static float moved_by(const palp_contact *c, const float *row) {
+    const size_t n = c->active_count, whole = n / PALP_BESIDE;
+    float sum = 0.0f;
+    for (size_t q = 0; q < whole; q++) {
+        for (size_t e = 0; e < PALP_BESIDE; e++)
+            sum += row[c->active[PALP_BESIDE * q + e]] * c->lambda[PALP_BESIDE * q + e];
+    }
+    for (size_t k = PALP_BESIDE * whole; k < n; k++) /* at most 3 */
+        sum += row[c->active[k]] * c->lambda[k];
+    return sum;
+}
+
 /* Points that should leave (they would pull) or come in (the tool enters them); with `one`, only
  * the last of them. Returns how many changed. */
 static uint32_t change_active(palp_contact *c, bool one) {
@@ -353,10 +366,8 @@ static uint32_t change_active(palp_contact *c, bool one) {
         if (p->active) {
             wrong = c->lambda[--a] < 0.0f;
         } else {
-            const float *row = c->g + (size_t)i * c->room;
-            float sum = 0.0f;
-            for (uint32_t k = 0; k < c->active_count; k++) sum += row[c->active[k]] * c->lambda[k];
-            wrong = c->target[i] - sum > CLEAR * size_of(c, &c->patch[p->patch]);
+            wrong = c->target[i] - moved_by(c, c->g + (size_t)i * c->room) >
+                    CLEAR * size_of(c, &c->patch[p->patch]);
         }
         if (!wrong || (one && changed > 0u)) continue;
         p->active = !p->active;

@@ -310,7 +310,7 @@ static palp_lattice_counts most_filled(const palp_contact_cost *cost, palp_conta
                                  .around = visits + feet * ring,
                                  .nodes = nodes,
                                  .evaluations = nodes + seen + (uint32_t)cost->rings[level.number] +
-                                                7u * feet + 4u + PALP_TOOL_EXIT,
+                                                5u * feet + 4u + PALP_TOOL_EXIT,
                                  .feet = feet,
                                  .shots = shots,
                                  .crossings = PALP_LATTICE_CROSSINGS(level.points),

@@ -73,7 +73,7 @@ float palp_contact_cost_patches(const palp_contact_cost *cost);
 float palp_contact_cost_filled(const palp_contact_cost *cost, palp_lattice_counts done);
 
 /* The most that one palp_contact_fill does: 1 filling; around: nodes and rows of the cells,
- * and feet max_ring; evaluations: N + ways shots + rings + 7 feet + 4 + PALP_TOOL_EXIT; shots:
+ * and feet max_ring; evaluations: N + ways shots + rings + 5 feet + 4 + PALP_TOOL_EXIT; shots:
  * PALP_LATTICE_SHOTS; crossings; kept: the points of the finest level; followed: of this one. To
  * begin a lattice takes less. */
 palp_lattice_counts palp_contact_most_filled(const palp_contact_cost *cost,

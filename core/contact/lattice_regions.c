@@ -58,8 +58,9 @@ static palp_vec3 foot_from(const palp_lattice_filling *f, palp_vec3 y, palp_gap 
 
 /* From a node towards the point of the surface that lies deepest in the tool nearby. Each shot goes
  * against the normal where the last one met the surface, which finds the foot on smooth places;
- * where that leads away, as it does about an edge, it turns half back. */
-PALP_APART static bool walk_to_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p) {
+ * where that leads away, as it does about an edge, it turns half back. *gap_m: the gap there. */
+PALP_APART static bool walk_to_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p,
+                                    float *gap_m) {
     const palp_lattice_room *r = f->r;
     palp_gap least = palp_lattice_gap(f, palp_lattice_world(r, p));
     palp_vec3 best = least.normal, way = best;
@@ -91,13 +92,14 @@ PALP_APART static bool walk_to_foot(palp_lattice_filling *f, uint32_t node, palp
             way = palp_scale(1.0f / palp_max(palp_norm(way), 1e-6f), way);
         }
     }
+    *gap_m = least.gap_m;
     return met && palp_dot(least.normal, palp_lattice_normal(r, p)) < 0.0f;
 }
 
-static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p) {
+static bool find_foot(palp_lattice_filling *f, uint32_t node, palp_surface_point *p, float *gap_m) {
     if (f->feet == 0u) return false;
     f->feet--;
-    return walk_to_foot(f, node, p);
+    return walk_to_foot(f, node, p, gap_m);
 }
 
 palp_surface_point palp_lattice_at_node(const palp_surface *surface, uint32_t body, uint32_t node) {
@@ -154,11 +156,10 @@ static void measure_node(palp_lattice_filling *f, uint32_t body, uint32_t node, 
     if (gap_m < 0.0f) f->area_m2 += surface->blob->area_m2[node];
     if (gap_m >= f->gap_m && !is_deepest(f, body, node, gap_m)) return;
     palp_surface_point p = palp_lattice_at_node(surface, body, node), foot = p;
-    float least = gap_m;
-    if (find_foot(f, node, &foot)) {
-        float gap = palp_lattice_gap(f, palp_lattice_world(f->r, &foot)).gap_m;
-        if (gap < least) p = foot;
-        least = palp_min(gap, least);
+    float least = gap_m, at_foot_m;
+    if (find_foot(f, node, &foot, &at_foot_m)) {
+        if (at_foot_m < least) p = foot;
+        least = palp_min(at_foot_m, least);
     }
     if (least >= f->gap_m) return;
     f->gap_m = least;
@@ -168,13 +169,13 @@ static void measure_node(palp_lattice_filling *f, uint32_t body, uint32_t node, 
 /* A region that no site has shown yet. */
 static void seek_region(palp_lattice_filling *f, uint32_t body, uint32_t node, float gap_m) {
     palp_surface_point p = palp_lattice_at_node(palp_lattice_surface(f->r, body), body, node);
+    float at_foot_m;
     if (gap_m < 0.0f) {
         palp_lattice_fill_unknown(f, &p);
         return;
     }
     if (!is_deepest(f, body, node, gap_m)) return;
-    if (!find_foot(f, node, &p)) return;
-    if (palp_lattice_gap(f, palp_lattice_world(f->r, &p)).gap_m >= 0.0f) return;
+    if (!find_foot(f, node, &p, &at_foot_m) || at_foot_m >= 0.0f) return;
     palp_lattice_fill_unknown(f, &p);
 }
 

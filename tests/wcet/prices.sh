@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-# The shipped unit costs, from the machine code: prices.sh ZONES BLOB... > core/budget/targets.c, with a multizone model, whose own
-# operations are counted and not derived, and bodies of the other kinds.
+# The shipped unit costs, from the machine code: prices.sh "ZONES.." BLOB... > core/budget/targets.c, with multizone models, whose own
+# operations are counted and not derived, and bodies of the other kinds. Some minutes.
 set -e
 zones=$1
 shift
@@ -10,7 +10,7 @@ gcc -std=gnu11 -O1 -I. tests/wcet/ipet/formulas.c "${BUILD:-build}/libpalp.a" -l
 "$out/formulas" 1 120 "$@" > "$out/lines"
 table() { # table TARGET
     on=${1%-cycles}
-    [ "$on" != "$1" ] || sh tests/wcet/cases.sh "$1" "$zones" 11 20 > "$out/$1.cases"
+    [ "$on" != "$1" ] || for z in $zones; do sh tests/wcet/cases.sh "$1" "$z" 11 20; done > "$out/$1.cases"
     python3 tests/wcet/ipet/ipet.py prices "$1" "$(sh tests/wcet/proof.sh "$on")" "$out/lines" "$out/$on.cases" > "$out/$1.table"
 }
 table x86-64 && table x86-64-avx2 & # two at a time

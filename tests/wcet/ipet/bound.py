@@ -51,6 +51,9 @@ class Part:
         body, latches = self.flow.loops[head]
         code = lambda n: self.graph.blocks[self.flow.block[n]][0]
         tail = self.candidates([a for n in latches for a in code(n)[-3:]])
+        ending = [t for t in tail if self.ends_with(head, *t)]
+        if len(tail) > 1 and len(ending) == 1:  # the test of one of them is what leads back to the head
+            tail = ending
         if len(tail) != 1:
             wider = self.candidates([a for n in latches + [head] for a in code(n)])
             tail = tail or wider

@@ -179,7 +179,7 @@ static void of_contact(const palp_blob *blob) {
                        own, c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u,
                        c.tool[0].field.extremes, c.tool[0].pad.columns * c.tool[0].pad.rows, c.ring,
                        c.nodes, passed, cell_rows, shots, feet, rings, c.ring_nodes,
-                       c.nodes + c.ring_nodes + shots + 7u * feet + 2u,
+                       c.nodes + c.ring_nodes + shots + 5u * feet + 2u,
                        PALP_LATTICE_CROSSINGS(l.points), l.points, most.points, l.modes);
         tell("fill", kinds[kind], counts, of_fill, &c);
         /* less of some of it, so that each kind of work stands for its own */
@@ -198,7 +198,7 @@ static void of_contact(const palp_blob *blob) {
             {.fillings = 1u,
              .around = (kind == 3u ? 2u : 1u) * some[6] + cell_rows + some[1] * c.ring,
              .nodes = some[3],
-             .evaluations = some[3] + ways * some[0] + asked + 7u * some[1] + 4u + PALP_TOOL_EXIT,
+             .evaluations = some[3] + ways * some[0] + asked + 5u * some[1] + 4u + PALP_TOOL_EXIT,
              .feet = some[1],
              .shots = some[0],
              .crossings = some[4],
@@ -212,7 +212,7 @@ static void of_contact(const palp_blob *blob) {
                        c.tools, c.tools, c.tool[0].balls > 0u ? c.tool[0].balls : 1u,
                        c.tool[0].field.extremes, c.tool[0].pad.columns * c.tool[0].pad.rows, c.ring,
                        some[3], some[6], cell_rows, some[0], some[1], some[2],
-                       asked, some[3] + asked + some[0] + 7u * some[1] + 2u, some[4],
+                       asked, some[3] + asked + some[0] + 5u * some[1] + 2u, some[4],
                        followed, some[5], l.modes);
         tell("filled", kinds[kind], counts, of_filled, &f);
         const uint32_t in_factor = c.active < c.count / 2u ? c.active : c.count / 2u;

@@ -26,7 +26,7 @@ from source import Source
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "..", "..", ".."))
 COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: copies.c holds the target's own against them
-FITTED_ROOM = 1.25               # of operations that are not derived, over the most counted
+FITTED_ROOM = 1.5                # of operations that are not derived, over the most counted
 ROOM = 1.02                      # of prices, over the derivation at the counts that they are fitted at: others come near
 BODY = 10.0                      # weight of the counts that a body has against those that any might have
 CLOCK = 60                       # of one reading of the port's clock: stated, not derived
