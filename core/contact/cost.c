@@ -247,8 +247,8 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
     count_visits(pair, NULL);
     if (pairs) take_worst(&c, pair);
     c.zones = (float)z->meta->zones;
-    c.pairs = pairs ? 1.0f : 0.0f;
     count_rings(&c, z->blob, z->meta->zones);
+    c.pairs = pairs ? 1.0f : 0.0f;
     c.patches = (float)tool_count;
     if (pairs) c.patches += palp_min(0.5f * c.zones * (c.zones - 1.0f), (float)PALP_CONTACT_PAIRS);
     c.bent = price->of[PALP_WORK_POSITION] + modes * price->of[PALP_WORK_POSITION_MODE];

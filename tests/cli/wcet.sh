@@ -50,7 +50,7 @@ printf 'seconds 0.1\nrate 1000\nprobe 0.006\ntouch 0 0.05 0.01 0.04\n' > probe.s
 verdict() { # verdict NAME BLOB FINEST MACHINE...: the least answer by both, in whole us; fits only if both say so
     name=$1 blob=$2 finest=$3
     shift 3
-    $palp wcet "$blob" "$@" > w.txt
+    $palp wcet "$blob" --tool-radius 0.006 "$@" > w.txt
     $palp play "$blob" --scene probe.scene --finest "$finest" "$@" > p.txt 2> perr.txt
     said=$?
     asked=$(sed -n 's/^refused: the least answer needs \([0-9.e+]*\) us.*/\1/p' w.txt | awk '{printf "%.0f", $1}')

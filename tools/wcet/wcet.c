@@ -34,6 +34,8 @@ static const char help[] =
     "  --limits          of contact at nodes, which older versions had: left aside\n"
     "  --friction        keep what friction needs\n"
     "  --tool            what touches (default ball)\n"
+    "  --tool-radius M   its size (default: two mean edges; of a dynamic body a twentieth of its "
+    "length)\n"
     "  --tools N         how many of them, 1 to 4 (default 1)\n"
     "  --device NAME|FILE  which gives the frames and axes of a servo with one tool (default "
     "arm3)\n"
@@ -45,11 +47,11 @@ static const char help[] =
     "\n"
     "The verdict is the answer and no failure: exit 0 for 'fits' and for 'refused'.\n";
 
-static const option options[] = {{"--rate", 1},     {"--target", 1}, {"--limits", 4},
-                                 {"--friction", 0}, {"--tool", 1},   {"--margin", 1},
-                                 {"--hunt", 1},     {"--keep", 1},   {"--replay", 1},
-                                 {"--json", 0},     {"--tools", 1},  {"--ns-per-operation", 1},
-                                 {"--device", 1},   {NULL, 0}};
+static const option options[] = {{"--rate", 1},     {"--target", 1},      {"--limits", 4},
+                                 {"--friction", 0}, {"--tool", 1},        {"--margin", 1},
+                                 {"--hunt", 1},     {"--keep", 1},        {"--replay", 1},
+                                 {"--json", 0},     {"--tools", 1},       {"--ns-per-operation", 1},
+                                 {"--device", 1},   {"--tool-radius", 1}, {NULL, 0}};
 
 static void set_option(void *context, const argument *a) {
     static const char *const tools[] = {"ball", "pad", "cylinder", NULL};
@@ -63,6 +65,8 @@ static void set_option(void *context, const argument *a) {
         s->target = a->value[0];
     } else if (strcmp(a->option, "--ns-per-operation") == 0) {
         s->ns_per_operation = arg_between(a, 0, 1e6);
+    } else if (strcmp(a->option, "--tool-radius") == 0) {
+        s->radius_m = arg_between(a, 0, 1);
     } else if (strcmp(a->option, "--device") == 0) {
         s->device = a->value[0];
     } else if (strcmp(a->option, "--tools") == 0) {
@@ -122,7 +126,7 @@ static palp_tool tool_of(const wcet_spec *s, float size) {
 /* As many of them as asked for. */
 static void choose_tools(const wcet_spec *s, float size, palp_tool tool[PALP_CONTACT_TOOLS]) {
     for (uint32_t t = 0; t < s->tools; t++) {
-        tool[t] = tool_of(s, size);
+        tool[t] = tool_of(s, s->radius_m > 0 ? (float)s->radius_m : size);
         tool[t].friction = s->friction ? 0.3f : 0.0f;
     }
 }
@@ -338,9 +342,9 @@ static void add_cycles(wcet_table *t, const wcet_table *in_cycles) {
 /* ---- a scene ---- */
 
 static void bound_scene(wcet_spec *s, const machine *m, wcet_table *t) {
-    if (s->tools > 1 || s->friction || s->tool != WCET_BALL || s->device != NULL)
-        die(EXIT_USAGE,
-            "--tool, --tools, --friction and --device go with a blob: a scene says these itself");
+    if (s->tools > 1 || s->friction || s->tool != WCET_BALL || s->device != NULL || s->radius_m > 0)
+        die(EXIT_USAGE, "--tool, --tools, --tool-radius, --friction and --device go with a blob: a "
+                        "scene says these itself");
     if (s->search_s > 0 || s->replay != NULL)
         die(EXIT_USAGE, "--hunt and --replay are for single bodies at rest");
     scene_file *file = scene_read(s->blob);

@@ -9,7 +9,7 @@ typedef enum { WCET_BALL, WCET_PAD, WCET_CYLINDER } wcet_tool;
 
 typedef struct {
     const char *blob, *target, *keep, *replay, *device;
-    double rate_hz, margin, search_s, ns_per_operation;
+    double rate_hz, radius_m, margin, search_s, ns_per_operation;
     wcet_tool tool;
     uint32_t tools;               /* how many */
     bool friction, limited, json; /* limited: --limits was given */
