@@ -21,7 +21,7 @@ image() { # image MHZ NAME TEXT
     mhz=$1 name=$2
     "$palp" embed "$work/$name.scene" -o "$work/$name.c" > "$work/$name.out" 2>&1
     ok $? "$3: $(sed 's|.*/||' "$work/$name.out")"
-    gcc $flags -DCLOCK_STANDS -DCORE_MHZ="${mhz}u" -include tests/check/host_semihost.h "$work/$name.c" port/embedded/*.c \
+    gcc $flags -DQEMU_TICK_PS=40000u -DCLOCK_STANDS -DCORE_MHZ="${mhz}u" -include tests/check/host_semihost.h "$work/$name.c" port/embedded/*.c \
         tests/check/host_board.c "$BUILD/libpalp.a" -o "$work/$name.host" && "$work/$name.host" > "$work/$name.here"
     ok $? "builds and runs on this machine"
     grep -q 'ticks in RUN 39[0-9]' "$work/$name.here" && ! grep -q 'largest force [0-9] mN' "$work/$name.here"

@@ -34,5 +34,7 @@ for t in cortex-m7 cortex-a53 x86-64 x86-64-avx2; do
     [ $t = cortex-m7 ] || continue
     python3 tests/wcet/ipet/ipet.py hold cortex-m7-cycles "$elf" "$work/lines" > "$work/held"
     ok $? "in cycles, as they are stated: $(tail -1 "$work/held")"
+    python3 tests/wcet/ipet/ipet.py facts $t "$elf" "$work/lines" > "$BUILD/wcet/proof/$t.ff" && [ "$(grep -c '^loop 0x.* MAX ' "$BUILD/wcet/proof/$t.ff")" -gt 700 ]
+    ok $? "flow facts, $BUILD/wcet/proof/$t.ff: $(tail -1 "$BUILD/wcet/proof/$t.ff" | cut -c4-)"
 done
 done_testing

@@ -219,6 +219,7 @@ class Bounds:
         self.binary, self.source, self.weigh = binary, source, weigh
         self.outside, self.indirect = outside, indirect
         self.parts, self.memo, self.faults, self.matched = {}, {}, collections.OrderedDict(), set()
+        self.facts = collections.defaultdict(list)  # (function, head of a loop) -> (turns, function in all of which, place)
         self.by_name = collections.defaultdict(list)
         for a, f in binary.functions.items():
             self.by_name[f.name].append(a)
@@ -270,7 +271,10 @@ class Bounds:
             self.matched.add((loop.path, loop.first))
             most = value if most is None else most.most(value)
             scopes.add(scope)
-        return most, (scopes.pop() if len(scopes) == 1 else None)
+        scope = scopes.pop() if len(scopes) == 1 else None
+        place = candidates[0][0]
+        self.facts[part.graph.function.start, part.flow.block[head]].append((most, scope, "%s:%d" % (place.path, place.first)))
+        return most, scope
 
     def copies_bytes(self, part, a, context):
         number = part.graph.bytes_at(a)

@@ -5,6 +5,7 @@ usage: ipet.py survey TARGET BINARY             every loop of core, and what the
        ipet.py bound TARGET BINARY FUNCTION...  their bounds, in named counts
        ipet.py hold TARGET BINARY LINES [COUNTED]   formulas (the output of `formulas`) at the target's prices against the bounds;
                                                 and how near to its bound a counted case came (what cases.sh prints with hold)
+       ipet.py facts TARGET BINARY LINES        the loops' bounds as flow facts of OTAWA (.ff), at the largest counts in LINES
        ipet.py prices TARGET BINARY LINES [CASES]   the lowest prices at which no formula is below its bound, as C (glpsol)
 
 TARGET: x86-64, x86-64-avx2, cortex-a53 or cortex-m7; or cortex-m7-cycles: the same in cycles, as cycles.py states them. BINARY: all of core with its debug information, linked (tests/wcet/proof.sh)."""
@@ -40,6 +41,7 @@ class Proof:
         self.source = Source(ROOT, os.path.join(HERE, "counts.txt"))
         self.shared = None
         self.faults, self.cache = collections.OrderedDict(), {}
+        self.made = []  # Bounds, each with what it has found
 
     def bounds(self, never=(), apart=()):
         each = AT_MOST if self.cycles else 1
@@ -51,6 +53,7 @@ class Proof:
             b.parts = self.shared
         self.shared = b.parts
         b.faults = self.faults
+        self.made.append(b)
         return b
 
     def of(self, name, tool):
@@ -96,6 +99,44 @@ def bound(target, path, names):
     for n in names:
         print("%s = %s" % (n, b.of(n)))
     return fail(proof)
+
+
+def facts(target, path, lines):
+    """A loop's bound for each entry; where it is known for all of a function's call only, that, which is at least as much. A loop
+    whose counts stand in no line (opening a blob, seams) is a comment."""
+    proof = Proof(target, path)
+    most = {}
+    for _, _, counts, _ in read_lines(lines):
+        for name, n in counts.items():
+            most[name] = max(most.get(name, 0), n)
+    for op, tool in operations_in(lines):
+        proof.of(op, tool)
+    b = proof.bounds()
+    called = {t for f in proof.binary.functions.values() for t in Graph(proof.binary, f).calls.values()}
+    for f in list(proof.binary.functions.values()):
+        if f.start not in called and f.name.startswith("palp_"):
+            b.of(f.name)
+    found = collections.defaultdict(list)
+    for one in proof.made:
+        for key, said in one.facts.items():
+            found[key] += said
+    print("// Flow facts of core on %s, for OTAWA. Counts: %s" % (target, " ".join("%s=%g" % c for c in sorted(most.items()))))
+    known = 0
+    for (start, head), said in sorted(found.items()):
+        name, place = proof.binary.functions[start].name, said[0][2]
+        missing = sorted({n for turns, _, _ in said for n in turns.names()} - set(most))
+        if missing:
+            print("// loop 0x%x ; %s in %s: needs %s" % (head, place, name, ", ".join(missing)))
+            continue
+        known += 1
+        print("loop 0x%x MAX %d ; // %s in %s: %s" % (head, max(-(-turns.at(most) // 1) for turns, _, _ in said), place, name,
+                                                      " or ".join(sorted({str(turns) for turns, _, _ in said}))))
+    print("// %s: %d loops, %d with a number" % (target, len(found), known))
+    return fail(proof)
+
+
+def operations_in(lines):
+    return list(collections.OrderedDict(((op, tool), None) for op, tool, _, _ in read_lines(lines)))
 
 
 def read_lines(path):
@@ -246,6 +287,8 @@ def main():
         return survey(target, path)
     if command == "bound":
         return bound(target, path, sys.argv[4:])
+    if command == "facts":
+        return facts(target, path, sys.argv[4])
     if command == "hold":
         return hold(target, path, *sys.argv[4:6])
     if command == "prices":
