@@ -42,6 +42,38 @@ static void check_meta(palp_reader *r, const palp_meta *m) {
     palp_reader_require(r, m->cell_size_m > 0.0f && m->mean_edge_m > 0.0f && m->young_Pa > 0.0f);
 }
 
+/* Whether a cell of the search grid lists a node that lies in it, but for rounding. */
+static bool cell_lists(const palp_blob *b, uint32_t cell, uint32_t node) {
+    const palp_meta *m = b->meta;
+    const uint32_t at[3] = {cell % m->cells[0], cell / m->cells[0] % m->cells[1],
+                            cell / m->cells[0] / m->cells[1]};
+    bool in = true;
+    for (uint32_t e = 0; e < 3u; e++) {
+        const float x = (b->rest_m[3u * node + e] - m->cell_origin_m[e]) / m->cell_size_m;
+        in = in && palp_abs(x - (float)at[e] - 0.5f) < 0.51f;
+    }
+    for (uint32_t k = b->cell_offset[cell]; in && k < b->cell_offset[cell + 1u]; k++) {
+        if (b->cell_node[k] == node) return true;
+    }
+    return false;
+}
+
+/* Each node is listed once, in its own cell: as many are listed as there are. */
+static bool is_in_grid(const palp_blob *b, uint32_t node) {
+    const palp_meta *m = b->meta;
+    uint32_t low[3];
+    for (uint32_t e = 0; e < 3u; e++) {
+        const float x = (b->rest_m[3u * node + e] - m->cell_origin_m[e]) / m->cell_size_m;
+        low[e] = (uint32_t)palp_clamp(x - 0.02f, 0.0f, (float)(m->cells[e] - 1u));
+    }
+    for (uint32_t k = 0; k < 8u; k++) {
+        const uint32_t at[3] = {low[0] + (k & 1u), low[1] + (k >> 1u & 1u), low[2] + (k >> 2u)};
+        if (at[0] >= m->cells[0] || at[1] >= m->cells[1] || at[2] >= m->cells[2]) continue;
+        if (cell_lists(b, (at[2] * m->cells[1] + at[1]) * m->cells[0] + at[0], node)) return true;
+    }
+    return false;
+}
+
 static void read_mesh(palp_reader *r, palp_blob *b) {
     const palp_meta *m = b->meta;
     uint32_t cells = m->cells[0] * m->cells[1] * m->cells[2];
@@ -61,6 +93,7 @@ static void read_mesh(palp_reader *r, palp_blob *b) {
         float length2 = palp_dot(n, n);
         palp_reader_require(r, length2 > 0.98f && length2 < 1.02f);
         palp_reader_require(r, b->area_m2[i] > 0.0f && b->regularisation[i] >= 0.0f);
+        palp_reader_require(r, is_in_grid(b, i));
     }
 }
 

@@ -28,6 +28,7 @@
     X(DOT, "dot", "one entry of a sum in order")                                                   \
     X(GATHER, "gather", "one compliance gathered for the factor")                                  \
     X(ROW_BEGUN, "row_begun", "a row of compliances begun")                                        \
+    X(ROW_MODE, "row_mode", "one mode read for it")                                                \
     X(COUPLE, "couple", "a tool's spring in one solve")                                            \
     X(LEAVE, "leave", "a tool's spring in one tick")                                               \
     X(TICK, "tick", "a bounded tick, its end and its report")                                      \

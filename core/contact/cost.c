@@ -3,7 +3,7 @@
 
 #define FLARED 1.0f /* evaluations that palp_tool_gap_flared takes at most */
 #define GONE 2.0f   /* far fields that a new point is asked, at most */
-#define READ 8.0f   /* products that reading a side's mode takes as long as */
+#define MANY 64u    /* neighbours of a node, from which it is not known how many have so many */
 #define RUNS 2.0f   /* the half-space between points that alternate between zones, over one run */
 #define BEGUN 30.0f /* sides: what rows of the seams take however few there are */
 #define LANES 7.0f  /* sides that fill a lane up, at most */
@@ -99,39 +99,40 @@ static uint32_t near_box(const palp_blob *b, const float low[3], float side, flo
     return count;
 }
 
-/* Most nodes within `reach` of any place in a cell, or so many as are known of elsewhere. The cell
- * is looked at in boxes of at most half the reach, or a quarter of its side. */
-static uint32_t nodes_near_cell(const palp_blob *b, const float cell[3], float reach,
-                                uint32_t known) {
-    const float size = b->meta->cell_size_m, wanted = palp_clamp(2.0f * size / reach, 1.0f, 4.0f);
-    const uint32_t whole = (uint32_t)wanted, parts = whole + ((float)whole < wanted ? 1u : 0u);
-    const float side = size / (float)parts;
+#define COARSE 8u /* boxes along a side of one that is looked at first */
+
+/* Most nodes within `reach` of any place in a coarse box, or so many as are known of elsewhere. */
+static uint32_t nodes_near(const palp_blob *b, const float low[3], float side, float reach,
+                           uint32_t known) {
     uint32_t most = known;
-    if (near_box(b, cell, size, reach) <= known) return known;
-    for (uint32_t k = 0; k < parts * parts * parts; k++) { /* at most 64 */
-        const float low[3] = {cell[0] + side * (float)(k % parts),
-                              cell[1] + side * (float)(k / parts % parts),
-                              cell[2] + side * (float)(k / parts / parts)};
-        const uint32_t count = near_box(b, low, side, reach);
+    if (near_box(b, low, side * (float)COARSE, reach) <= known) return known;
+    for (uint32_t k = 0; k < COARSE * COARSE * COARSE; k++) {
+        const float at[3] = {low[0] + side * (float)(k % COARSE),
+                             low[1] + side * (float)(k / COARSE % COARSE),
+                             low[2] + side * (float)(k / COARSE / COARSE)};
+        const uint32_t count = near_box(b, at, side, reach);
         most = count > most ? count : most;
     }
     return most;
 }
 
 /* Most nodes within `reach` of any place. Moving a place outside the grid to the grid's nearest
- * brings it nearer to every node, so places in the grid are all that count. */
+ * brings it nearer to every node, so places in the grid are all that count. They are looked at in
+ * boxes of half the reach, or half a cell where that is more. */
 static uint32_t nodes_within(const palp_blob *b, float reach) {
     const palp_meta *m = b->meta;
+    const float side = 0.5f * palp_max(reach, m->cell_size_m), coarse = side * (float)COARSE;
     const float sure = 1.001f * reach + 1e-3f * m->cell_size_m; /* whatever rounding does */
-    uint32_t most = 0;
-    /* at most cells */
-    for (uint32_t k = 0; k < m->cells[0] * m->cells[1] * m->cells[2]; k++) {
-        const uint32_t x = k % m->cells[0], y = k / m->cells[0] % m->cells[1],
-                       z = k / m->cells[0] / m->cells[1];
-        const float cell[3] = {m->cell_origin_m[0] + m->cell_size_m * (float)x,
-                               m->cell_origin_m[1] + m->cell_size_m * (float)y,
-                               m->cell_origin_m[2] + m->cell_size_m * (float)z};
-        most = nodes_near_cell(b, cell, sure, most);
+    uint32_t boxes[3], most = 0;
+    for (uint32_t e = 0; e < 3u; e++)
+        boxes[e] = 1u + (uint32_t)palp_min((float)m->cells[e] * m->cell_size_m / coarse, 1e3f);
+    /* at most boxes */
+    for (uint32_t k = 0; k < boxes[0] * boxes[1] * boxes[2] && most < m->nodes; k++) {
+        const uint32_t x = k % boxes[0], y = k / boxes[0] % boxes[1], z = k / boxes[0] / boxes[1];
+        const float low[3] = {m->cell_origin_m[0] + coarse * (float)x,
+                              m->cell_origin_m[1] + coarse * (float)y,
+                              m->cell_origin_m[2] + coarse * (float)z};
+        most = nodes_near(b, low, side, sure, most);
     }
     return most;
 }
@@ -140,9 +141,12 @@ static uint32_t nodes_within(const palp_blob *b, float reach) {
  * numbers the sum over all v >= 1 of min(k, how many are at least v). */
 static float rings_of(const palp_blob *blob, uint32_t blobs, palp_contact_level level) {
     const uint32_t most = PALP_LATTICE_RINGS(level.points);
-    uint32_t sum = 0, count = 1;
-    for (uint32_t v = 1; count > 0u; v++) { /* at most max_ring + 1 */
-        count = 0;
+    uint32_t sum = 0, valence = 0;
+    for (uint32_t b = 0; b < blobs; b++)
+        valence = blob[b].meta->max_ring > valence ? blob[b].meta->max_ring : valence;
+    if (valence > MANY) return (float)most * (float)valence; /* not worth the time to know better */
+    for (uint32_t v = 1; v <= valence; v++) {
+        uint32_t count = 0;
         for (uint32_t b = 0; b < blobs; b++) {
             for (uint32_t n = 0; n < blob[b].meta->nodes; n++)
                 count += blob[b].ring_offset[n + 1u] - blob[b].ring_offset[n] >= v ? 1u : 0u;
@@ -229,7 +233,9 @@ palp_contact_cost palp_contact_cost_of_zones(const palp_assembly *assembly, bool
         palp_contact_presser one = {.evaluation = 0.0f};
         for (uint32_t t = 0; t < tool_count; t++) around(b, reach[t], &c.presser[t]);
         around(b, PALP_CONTACT_PAIR_REACH * b->meta->mean_edge_m, &one);
-        if (one.nodes > pair->nodes) *pair = one;
+        pair->nodes = palp_max(pair->nodes, one.nodes);
+        pair->passed = palp_max(pair->passed, one.passed);
+        pair->visits = palp_max(pair->visits, one.visits);
         for (uint32_t k = 0; k < 3u; k++) met[k] = b->meta->cells[k] < 3u ? b->meta->cells[k] : 3u;
         c.cells = palp_max(c.cells, (float)nodes_around(b, met));
         c.ring = palp_max(c.ring, (float)b->meta->max_ring);
@@ -374,7 +380,7 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
 
 /* A row of the assembly, or a call that assembles some: what is read of a side and its modes. */
 static float begun(const palp_contact_cost *cost, palp_contact_level level) {
-    return PRICE(cost, ROW_BEGUN) + READ * (float)level.modes * PRICE(cost, MODE_PAIR);
+    return PRICE(cost, ROW_BEGUN) + (float)level.modes * PRICE(cost, ROW_MODE);
 }
 
 /* So many products between sides, of which `sides` are new. */

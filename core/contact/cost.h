@@ -42,8 +42,8 @@ typedef struct {
 /* EVALUATION of a tool. */
 float palp_contact_cost_evaluation(const palp_tool *tool, const palp_prices *price);
 
-/* Cost of this: for each tool the cells of the grid, up to 64 times each, times the nodes around a
- * tool; for each level the rings of all nodes. It is for when a simulation is opened. */
+/* Cost of this: for each tool, boxes of half its reach in the grid, times the nodes around it; for each
+ * level the nodes, as often as one has neighbours. It is for when a simulation is opened. */
 palp_contact_cost palp_contact_cost_of(const palp_blob *blob, const palp_tool *tools,
                                        uint32_t tool_count, const palp_prices *price);
 
@@ -102,7 +102,7 @@ float palp_contact_cost_points(const palp_contact_cost *cost, palp_contact_level
                                uint32_t count);
 
 /* palp_contact_assemble, all of it: count (count + 1) / 2 (COMPLIANCE + modes MODE_PAIR) + (1 +
- * count + count / PALP_CONTACT_ROWS) (ROW_BEGUN + 8 modes MODE_PAIR) */
+ * count + count / PALP_CONTACT_ROWS) (ROW_BEGUN + modes ROW_MODE) */
 float palp_contact_cost_assemble(const palp_contact_cost *cost, palp_contact_level level,
                                  uint32_t count);
 

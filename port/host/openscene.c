@@ -405,9 +405,10 @@ scene_setup *scene_set_up(scene_file *file) {
     return s;
 }
 
-palp_scene *scene_try_open(const scene_setup *setup, char *text, size_t room) {
+palp_scene *scene_try_open(const scene_setup *setup, palp_status *status, char *text, size_t room) {
     const palp_scene_config *c = &setup->config;
     const size_t bytes = palp_scene_memsize(c);
+    *status = PALP_ERR_ARGUMENT;
     if (bytes == 0) {
         snprintf(text, room, "%s: a level of contact is none", setup->file->name);
         return NULL;
@@ -415,24 +416,25 @@ palp_scene *scene_try_open(const scene_setup *setup, char *text, size_t room) {
     void *memory = memset(allocate_aligned(bytes, 1), 1, bytes);
     palp_scene *scene;
     float bound_ns = 0;
-    const palp_status status = palp_scene_open(&scene, c, memory, bytes, &bound_ns);
-    if (status == PALP_OK) return scene;
+    *status = palp_scene_open(&scene, c, memory, bytes, &bound_ns);
+    if (*status == PALP_OK) return scene;
     free(memory);
     const double have = (double)c->cost.margin * 1e6 / setup->file->rate_hz;
-    if (status == PALP_ERR_BUDGET)
+    if (*status == PALP_ERR_BUDGET)
         snprintf(text, room,
                  "the coarsest answer may take %.0f us, %.0f us more than the %.0f us that %.0f Hz "
                  "leave: lower --rate",
                  (double)bound_ns * 1e-3, (double)bound_ns * 1e-3 - have, have,
                  setup->file->rate_hz);
     else
-        snprintf(text, room, "cannot open the servo: %s", palp_status_text(status));
+        snprintf(text, room, "cannot open the servo: %s", palp_status_text(*status));
     return NULL;
 }
 
 palp_scene *scene_open(const scene_setup *setup) {
     char text[256];
-    palp_scene *scene = scene_try_open(setup, text, sizeof text);
+    palp_status status;
+    palp_scene *scene = scene_try_open(setup, &status, text, sizeof text);
     if (scene == NULL) die(EXIT_WORK, "%s", text);
     return scene;
 }

@@ -45,8 +45,8 @@ scene_setup *scene_set_up(scene_file *file);
 
 /* Opens it in memory of its own, all of it touched; exits where it does not fit the period. */
 palp_scene *scene_open(const scene_setup *setup);
-/* The same, but NULL and one line of text in place of exiting. */
-palp_scene *scene_try_open(const scene_setup *setup, char *text, size_t room);
+/* The same, but NULL, *status and one line of text in place of exiting. */
+palp_scene *scene_try_open(const scene_setup *setup, palp_status *status, char *text, size_t room);
 
 /* Gives back all of its memory, and that of a scene opened from it (may be NULL). */
 void scene_tear_down(scene_setup *setup, palp_scene *scene);

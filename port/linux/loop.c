@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#define WAKING 0.1       /* of a period, in which a tick is to begin: to wake up and to receive */
 #define STALE_PERIODS 2u /* missed periods after which what has queued up is too old to use */
 #define LOCKSTEP_PATIENCE_MS 5000
 #define CLOSING_TICKS 3
@@ -61,7 +62,7 @@ uint64_t loop_clock(void *context) {
     tick_record *t = l->current;
     if (t == NULL) return now;
     if (t->clock_count == 0 && !t->clock_full) {
-        if (l->released_ns > 0) now = l->released_ns;
+        if (l->begins_ns > 0 && now > l->begins_ns) now = l->begins_ns;
         l->first_ns = now;
     }
     if (t->clock_count < RECORD_CLOCKS)
@@ -274,9 +275,9 @@ static void close_down(servo_loop *l) {
     }
 }
 
-/* Waits for tick `next`; returns how many periods were missed, and how late it is for the first of
- * them. Whole periods are skipped, never made up for in a burst: then *next is when the one that is
- * under way began. */
+/* Waits for tick `next`; returns how many periods were missed, and how late it is for the period that
+ * it waited for. Whole periods are skipped, never made up for in a burst: then *next is when the one
+ * that is under way began. */
 static uint32_t wait(uint64_t period_ns, uint64_t *next, float *late_us) {
     *next += period_ns;
     uint64_t late = sleep_until(*next);
@@ -335,7 +336,7 @@ void *loop_run(void *context) {
             uint32_t missed = wait(period_ns, &next, &late_us);
             if (!l->simulated) {
                 skipped = missed;
-                l->released_ns = next;
+                l->begins_ns = next + (uint64_t)(WAKING * (double)period_ns);
             }
         }
         tick += skipped;

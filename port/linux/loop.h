@@ -76,7 +76,7 @@ typedef struct {
     bool leaving;         /* the scene is about to be exchanged */
     uint64_t periods;     /* since the start, those that were missed as well */
     tick_record *current; /* where the clock's readings go */
-    uint64_t released_ns; /* when the tick's period began; 0: no clock paces it */
+    uint64_t begins_ns;   /* until when the tick is to have begun; 0: no clock paces it */
     uint64_t first_ns;    /* first reading of the tick */
     tick_record *scratch; /* for ticks that find the ring full */
 } servo_loop;
@@ -87,9 +87,10 @@ typedef struct {
 uint32_t loop_filters(const scene_setup *setup, uint32_t device, bool lockstep,
                       palp_can_filter filter[LOOP_FILTERS]);
 
-/* The port's clock for a scene in this loop: context is the servo_loop. Within a tick it counts
- * from when the tick's period began, so waking up late and receiving are part of what the tick
- * takes; of a simulated device, which waits with the loop, from the tick's own beginning. */
+/* The port's clock for a scene in this loop: context is the servo_loop. A tick that begins within a
+ * tenth of the period, which is there for waking up and receiving, counts from its beginning; one
+ * that begins later counts from there on, so less is left of it. A simulated device waits with the
+ * loop, so nothing is late for it. */
 uint64_t loop_clock(void *context);
 
 /* The body of the thread; context is the servo_loop. */

@@ -116,7 +116,8 @@ static load_stage read_next(operation *o) {
     o->next.setup->config.cost = now->config.cost;
     o->next.setup->config.port = now->config.port;
     for (uint32_t d = 0; d < f->devices; d++) o->next.setup->hand[d].resume = now->hand[d].resume;
-    o->next.scene = scene_try_open(o->next.setup, why, sizeof why);
+    palp_status status;
+    o->next.scene = scene_try_open(o->next.setup, &status, why, sizeof why);
     if (o->next.scene != NULL) return LOAD_READ;
     scene_tear_down(o->next.setup, NULL);
     return refuse(o, why);

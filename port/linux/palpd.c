@@ -91,7 +91,7 @@ static const option options[] = {
 #define MAX_RECORDED 2000000u
 #define FAR_SCALE 10.0  /* of a body in the workspace, from which units are doubted */
 #define MOST_STIFF 5.0  /* times the coupling: then the body is hardly felt */
-#define TICK_SHARE 0.8f /* of the period; the rest is for the bus and for waking up */
+#define TICK_SHARE 0.8f /* of the period; before it a tenth to wake up, after it one for the bus */
 #define MEASUREMENTS 4  /* of the speed, before a scene is refused */
 #define RING_SLOTS 2048u
 #define LOCKSTEP_NS 0.01f /* cost of an operation when no clock is looked at */
@@ -412,9 +412,10 @@ static palp_scene *open_in_time(machine *speed, const daemon_spec *s, scene_setu
     for (int measured = 1;; measured++) {
         const bool again = find_speed(speed, s, setup) && measured < MEASUREMENTS;
         setup->config.cost = machine_table(speed, TICK_SHARE);
-        palp_scene *scene = scene_try_open(setup, text, sizeof text);
+        palp_status status;
+        palp_scene *scene = scene_try_open(setup, &status, text, sizeof text);
         if (scene != NULL) return scene;
-        if (!again) die(EXIT_WORK, "%s", text);
+        if (!again || status != PALP_ERR_BUDGET) die(EXIT_WORK, "%s", text);
     }
 }
 
@@ -524,16 +525,15 @@ static void write_results(follower *f, daemon_output *out) {
     }
 }
 
-/* The interface of a device, once. */
+/* The interface of a device, and what is sent to it in a tick. */
 static void add_bus(realtime_spec *r, const scene_setup *setup, uint32_t device) {
     const char *bus = setup->file->device[device].bus;
     const uint32_t axes = palp_axes(&setup->device[device].device.kinematics);
-    const uint32_t sends = axes * PALP_DRIVE_FRAMES + PALP_SHARED_FRAMES;
-    r->frames = sends > r->frames ? sends : r->frames;
-    for (uint32_t b = 0; b < r->buses; b++) {
-        if (strcmp(r->bus[b], bus) == 0) return;
-    }
-    if (r->buses < STARTUP_BUSES) r->bus[r->buses++] = bus;
+    uint32_t b = 0;
+    while (b < r->buses && strcmp(r->bus[b], bus) != 0) b++;
+    if (b == STARTUP_BUSES) return;
+    if (b == r->buses) r->bus[r->buses++] = bus;
+    r->frames[b] += axes * PALP_DRIVE_FRAMES + PALP_SHARED_FRAMES;
 }
 
 int main(int argc, char **argv) {

@@ -62,8 +62,8 @@ static void check_rights(const realtime_spec *s) {
 }
 
 static void say_missing(void *context, const char *what, const char *mend) {
-    const realtime_spec *s = context;
-    complain(s->strict, what, mend);
+    (void)context;
+    warn("not real-time: %s: %s", what, mend);
 }
 
 void realtime_prepare(realtime_spec *spec) {
@@ -73,13 +73,15 @@ void realtime_prepare(realtime_spec *spec) {
                  "is guaranteed: --priority 45 --cpu N on a controller (CONTROLLER.md)");
         return;
     }
-    startup_spec place = {.root = "",
-                          .cpu = spec->cpu,
-                          .priority = priority_of(spec),
-                          .buses = spec->buses,
-                          .frames = spec->frames};
-    for (uint32_t b = 0; b < spec->buses; b++) place.bus[b] = spec->bus[b];
-    (void)startup_check(&place, say_missing, spec);
+    startup_spec place = {
+        .root = "", .cpu = spec->cpu, .priority = priority_of(spec), .buses = spec->buses};
+    for (uint32_t b = 0; b < spec->buses; b++) {
+        place.bus[b] = spec->bus[b];
+        place.frames[b] = spec->frames[b];
+    }
+    const uint32_t missing = startup_check(&place, say_missing, spec);
+    if (spec->strict && missing > 0)
+        die(EXIT_WORK, "--strict-rt: %u of what real time needs is missing", missing);
     check_rights(spec);
 }
 

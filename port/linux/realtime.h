@@ -19,7 +19,7 @@ typedef struct {
     bool strict;  /* refuse to go on without what real time needs */
     const char
         *bus[STARTUP_BUSES]; /* CAN interfaces of the devices; none where they are simulated */
-    uint32_t buses, frames;  /* frames: most that one tick sends on a bus */
+    uint32_t buses, frames[STARTUP_BUSES]; /* frames: most that one tick sends on each */
 } realtime_spec;
 
 /*

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/linux/startup.h"
+#include <ctype.h>
 #include <dirent.h>
 #include <linux/rtnetlink.h>
 #include <net/if.h>
@@ -38,9 +39,10 @@ __attribute__((format(printf, 3, 4))) static bool read_line(const checks *c, cha
                                                             const char *path, ...) {
     char whole[LINE];
     va_list values;
-    int used = snprintf(whole, sizeof whole, "%s", c->spec->root);
+    size_t used = (size_t)snprintf(whole, sizeof whole, "%s", c->spec->root);
+    used = used < sizeof whole ? used : sizeof whole - 1u;
     va_start(values, path);
-    vsnprintf(whole + used, sizeof whole - (size_t)used, path, values);
+    vsnprintf(whole + used, sizeof whole - used, path, values);
     va_end(values);
     FILE *f = fopen(whole, "r");
     const bool good = f != NULL && fgets(text, LINE, f) != NULL;
@@ -63,12 +65,16 @@ int startup_list_has(const char *list, uint32_t number) {
 
 /* ---- the system ---- */
 
-static void check_kernel(checks *c) {
+static bool is_realtime(const checks *c) {
     struct utsname name;
     char text[LINE];
-    const bool flag = read_line(c, text, "/sys/kernel/realtime") && text[0] == '1';
-    const bool named = uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") != NULL;
-    if (!flag && !named)
+    if (read_line(c, text, "/sys/kernel/realtime")) return text[0] == '1';
+    return uname(&name) == 0 && strstr(name.version, "PREEMPT_RT") != NULL;
+}
+
+static void check_kernel(checks *c) {
+    char text[LINE];
+    if (!is_realtime(c))
         say(c, "install linux-image-rt-amd64 or -rt-arm64", "the kernel is not PREEMPT_RT");
     if (read_line(c, text, "/sys/kernel/mm/transparent_hugepage/enabled") &&
         strstr(text, "[always]") != NULL)
@@ -101,7 +107,8 @@ static void check_scheduling(checks *c) {
     if (read_line(c, text, "/proc/sys/kernel/sched_rt_runtime_us") && atol(text) >= 0 &&
         atol(text) < 950000)
         say(c, "sysctl kernel.sched_rt_runtime_us=950000, or -1",
-            "real-time tasks are throttled after %ld us of every second", atol(text));
+            "real-time tasks are throttled after %ld us of a period of real-time scheduling",
+            atol(text));
     if (group_of(c, group) && read_line(c, text, "/sys/fs/cgroup/cpu%s/cpu.rt_runtime_us", group) &&
         atol(text) == 0)
         say(c, "give the control group cpu.rt_runtime_us, or a kernel without RT_GROUP_SCHED",
@@ -132,23 +139,16 @@ static void check_isolation(checks *c) {
 
 static void check_frequency(checks *c) {
     const uint32_t cpu = c->spec->cpu > 0 ? (uint32_t)c->spec->cpu : 0u;
-    char text[LINE], least[LINE], most[LINE];
+    char text[LINE], most[LINE];
     if (read_line(c, text, "/sys/devices/system/cpu/cpu%u/cpufreq/scaling_governor", cpu) &&
         strcmp(text, "performance") != 0)
         say(c, "cpupower frequency-set -g performance",
-            "the clock governor of processor %u is '%s'", cpu, text);
+            "the clock of processor %u follows its load (governor '%s')", cpu, text);
     if (read_line(c, text, "/sys/devices/system/cpu/cpu%u/cpufreq/cpuinfo_max_freq", cpu) &&
         read_line(c, most, "/sys/devices/system/cpu/cpu%u/cpufreq/scaling_max_freq", cpu) &&
-        read_line(c, least, "/sys/devices/system/cpu/cpu%u/cpufreq/scaling_min_freq", cpu)) {
-        if (atol(most) < atol(text))
-            say(c, "cpupower frequency-set -u MAX, or find what set the limit",
-                "processor %u is held at %.3g of %.3g GHz", cpu, 1e-6 * atof(most),
-                1e-6 * atof(text));
-        if (atol(least) < atol(most))
-            say(c, "cpupower frequency-set -d MAX",
-                "the clock of processor %u may fall from %.3g to %.3g GHz", cpu, 1e-6 * atof(most),
-                1e-6 * atof(least));
-    }
+        atol(most) < atol(text))
+        say(c, "cpupower frequency-set -u MAX, or find what set the limit",
+            "processor %u is held at %.3g of %.3g GHz", cpu, 1e-6 * atof(most), 1e-6 * atof(text));
     if (read_line(c, text, "/sys/devices/system/clocksource/clocksource0/current_clocksource") &&
         (strcmp(text, "acpi_pm") == 0 || strcmp(text, "hpet") == 0 || strcmp(text, "jiffies") == 0))
         say(c, "boot with tsc=reliable", "the clock source '%s' is slow to read", text);
@@ -156,15 +156,55 @@ static void check_frequency(checks *c) {
 
 /* ---- interrupts ---- */
 
-/* Whether the interrupt's line of /proc/interrupts names one of the buses. */
-static bool is_of_bus(const checks *c, const char *line) {
-    for (uint32_t b = 0; b < c->spec->buses; b++) {
-        if (strstr(line, c->spec->bus[b]) != NULL) return true;
+/* Whether a text has a name in it as a whole word. */
+static bool has_name(const char *text, const char *name) {
+    const size_t length = strlen(name);
+    for (const char *p = text; length > 0 && (p = strstr(p, name)) != NULL; p++) {
+        const bool before = p == text || !isalnum((unsigned char)p[-1]);
+        if (before && !isalnum((unsigned char)p[length])) return true;
     }
     return false;
 }
 
-/* Interrupts other than the buses' that come to the loop's processor. */
+/* Whether a line of /proc/interrupts, or a thread's name, is of one of the buses: by the
+ * interface's name, or by that of its device (an SPI controller's interrupt is 'spi0.0'). */
+static bool is_of_bus(const checks *c, const char *line) {
+    for (uint32_t b = 0; b < c->spec->buses; b++) {
+        char path[LINE], device[LINE];
+        if (has_name(line, c->spec->bus[b])) return true;
+        snprintf(path, sizeof path, "%s/sys/class/net/%s/device", c->spec->root, c->spec->bus[b]);
+        const ssize_t n = readlink(path, device, sizeof device - 1u);
+        if (n <= 0) continue;
+        device[n] = '\0';
+        const char *last = strrchr(device, '/');
+        if (has_name(line, last != NULL ? last + 1 : device)) return true;
+    }
+    return false;
+}
+
+/* Which column of /proc/interrupts is a processor's; -1: none. */
+static int column_of(const char *head, int cpu) {
+    char name[16];
+    int column = 0;
+    snprintf(name, sizeof name, "CPU%d", cpu);
+    for (const char *p = head; *p != '\0'; column++) {
+        p += strspn(p, " \n");
+        const size_t length = strcspn(p, " \n");
+        if (length == strlen(name) && strncmp(p, name, length) == 0) return column;
+        p += length;
+    }
+    return -1;
+}
+
+/* How often an interrupt came to the processor of a column. */
+static unsigned long came(const char *counts, int column) {
+    char *end = (char *)(uintptr_t)counts;
+    unsigned long n = 0;
+    for (int k = 0; k <= column; k++) n = strtoul(end, &end, 10);
+    return n;
+}
+
+/* Interrupts other than the buses' that have come to the loop's processor, and still would. */
 static void check_interrupts(checks *c) {
     char path[LINE], text[LINE], first[64] = "";
     uint32_t others = 0;
@@ -173,10 +213,12 @@ static void check_interrupts(checks *c) {
     FILE *f = fopen(path, "r");
     char *line = NULL;
     size_t room = 0;
-    while (f != NULL && getline(&line, &room, f) > 0) {
+    const bool head = f != NULL && getline(&line, &room, f) > 0;
+    const int column = head ? column_of(line, c->spec->cpu) : -1;
+    while (column >= 0 && getline(&line, &room, f) > 0) {
         char *end;
         const unsigned long number = strtoul(line, &end, 10);
-        if (*end != ':' || is_of_bus(c, line)) continue;
+        if (*end != ':' || came(end + 1, column) == 0 || is_of_bus(c, line)) continue;
         if (!read_line(c, text, "/proc/irq/%lu/effective_affinity_list", number) ||
             !startup_list_has(text, (uint32_t)c->spec->cpu))
             continue;
@@ -190,8 +232,8 @@ static void check_interrupts(checks *c) {
     if (f != NULL) fclose(f);
     if (others > 0)
         say(c,
-            "boot with irqaffinity= of the other processors, or write these to "
-            "/proc/irq/N/smp_affinity_list",
+            "boot with irqaffinity= of the other processors and isolcpus=managed_irq,domain,N, or "
+            "write these to /proc/irq/N/smp_affinity_list",
             "%u interrupts come to processor %d (the first: %s)", others, c->spec->cpu, first);
 }
 
@@ -259,15 +301,15 @@ static bool discipline_of(const char *bus, char name[LINE]) {
     return false;
 }
 
-static void check_bus(checks *c, const char *bus) {
+static void check_bus(checks *c, const char *bus, uint32_t frames) {
     char text[LINE];
     if (!read_line(c, text, "/sys/class/net/%s/device/uevent", bus))
         return; /* one without hardware keeps nothing waiting */
     if (read_line(c, text, "/sys/class/net/%s/tx_queue_len", bus)) {
         const long room = atol(text);
-        if (room < (long)c->spec->frames)
-            say(c, "ip link set CAN txqueuelen 32", "%s queues %ld frames, and a tick sends %u",
-                bus, room, c->spec->frames);
+        if (room < (long)frames)
+            say(c, "ip link set CAN txqueuelen 32, or more",
+                "%s queues %ld frames, and a tick may send %u", bus, room, frames);
         if (room > LONG_QUEUE)
             say(c, "ip link set CAN txqueuelen 32",
                 "%s queues %ld frames: behind so many, torques are too old when they are sent", bus,
@@ -277,8 +319,8 @@ static void check_bus(checks *c, const char *bus) {
         strcmp(text, "noqueue") != 0)
         say(c, "tc qdisc replace dev CAN root pfifo_fast",
             "%s sends by '%s', which may delay or drop frames", bus, text);
-    if (c->spec->priority > 0 && read_line(c, text, "/sys/class/net/%s/threaded", bus) &&
-        text[0] == '0')
+    if (c->spec->priority > 0 && !is_realtime(c) &&
+        read_line(c, text, "/sys/class/net/%s/threaded", bus) && text[0] == '0')
         say(c, "echo 1 > /sys/class/net/CAN/threaded; chrt -f -p 85 $(pgrep napi/CAN)",
             "frames of %s are received in a soft interrupt, behind ordinary tasks", bus);
 }
@@ -291,6 +333,6 @@ uint32_t startup_check(const startup_spec *spec, startup_say *to, void *context)
     check_frequency(&c);
     check_interrupts(&c);
     check_threads(&c);
-    for (uint32_t b = 0; b < spec->buses; b++) check_bus(&c, spec->bus[b]);
+    for (uint32_t b = 0; b < spec->buses; b++) check_bus(&c, spec->bus[b], spec->frames[b]);
     return c.count;
 }

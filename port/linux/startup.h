@@ -12,8 +12,8 @@ typedef struct {
     const char *root; /* before every path of /proc and /sys; "" for the system itself */
     int cpu;          /* of the loop; -1: any */
     int priority;     /* SCHED_FIFO; 0: ordinary scheduling */
-    const char *bus[STARTUP_BUSES]; /* CAN interfaces */
-    uint32_t buses, frames;         /* frames: most that one tick sends on a bus */
+    const char *bus[STARTUP_BUSES];        /* CAN interfaces */
+    uint32_t buses, frames[STARTUP_BUSES]; /* frames: most that one tick sends on each */
 } startup_spec;
 
 /* What is missing, and how to mend it: sentences without a full stop. */

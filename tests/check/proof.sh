@@ -3,14 +3,19 @@
 # core is below what they come to at any of the counts it is asked for.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
-body() { printf 'mesh %s/blobs/%s.obj\nloop %s\nyoung 3e4\npoisson 0.45\nfix-below z %s\ntable-mb %s\nstorage %s\n' "$here" "$2" "$3" "$4" "$5" "$6" > "$work/$1.model" && "$palp" bake "$work/$1.model" -o "$work/$1.palp" > /dev/null 2>&1; }
+body() { printf 'mesh %s/blobs/%s.obj\nloop %s\nyoung 3e4\npoisson 0.45\nfix-below z %s\ntable-mb %s\nstorage %s\n%s\n' "$here" "$2" "$3" "$4" "$5" "$6" "$7" > "$work/$1.model" && "$palp" bake "$work/$1.model" -o "$work/$1.palp" > /dev/null 2>&1; }
 body middle rabbit 2 0.004 16 f32
 body half rabbit 2 0.004 0.5 f16
+printf 'mesh %s/blobs/bean.obj\nas-is\nyoung 3e4\npoisson 0.45\nfix-below z 0.0339\n' "$here" > "$work/one.model" # of one level
+"$palp" bake "$work/one.model" -o "$work/one.palp" > /dev/null 2>&1
+body many bean 1 0.0339 8 f32 'modes 128'
+printf 'mesh %s/blobs/box.obj\nyoung 1e4\npoisson 0.4\nfix-below z 1e-3\ntets 150 600 2500\n' "$here" > "$work/cube.model"
+"$palp" bake "$work/cube.model" -o "$work/cube.palp" > /dev/null 2>&1
 small_chain "$work/chain.palp" # its mesh: bar.obj
 printf 'mesh %s\nyoung 1e4\npoisson 0.4\nfix-below x 1e-6\ntets 120 400 1500\n' "$work/bar.obj" > "$work/dynamic.model"
 "$palp" bake "$work/dynamic.model" -o "$work/dynamic.palp" > /dev/null 2>&1
 gcc -std=gnu11 -O1 -I. tests/wcet/ipet/formulas.c "$BUILD/libpalp.a" -lm -o "$work/formulas" &&
-    "$work/formulas" 2 40 "$work/middle.palp" "$work/half.palp" "$work/dynamic.palp" > "$work/lines" && [ "$(wc -l < "$work/lines")" -gt 12000 ]
+    "$work/formulas" 2 14 "$work/middle.palp" "$work/half.palp" "$work/one.palp" "$work/many.palp" "$work/dynamic.palp" "$work/cube.palp" > "$work/lines" && [ "$(wc -l < "$work/lines")" -gt 8000 ]
 ok $? "formulas asked at $(wc -l < "$work/lines") counts"
 for t in cortex-m7 cortex-a53 x86-64 x86-64-avx2; do
     missing=""

@@ -40,4 +40,6 @@ bake butterfly "${rabbit}loop 2\nwavelet butterfly\nepsilon 0.02\ntable-mb 0.5\n
 bake half "${rabbit}loop 2\nstorage f16\nepsilon 0.01\ntable-mb 0.5\nmodes 128\n"
 bake tables "${rabbit}loop 2\ntable-mb 16\nmodes 24\n"
 bake chain "young 3e4\npoisson 0.4\nmesh rod.obj\nas-is\nzone a\nfix-box -1 -1 -1 0.011 1 1\nzone b\nfix-box 0.049 -1 -1 0.071 1 1\nzone c\nfix-box 0.109 -1 -1 1 1 1\ncut a b 0.04 0 0 1 0 0\ncut b c 0.08 0 0 1 0 0\njoint ab revolute a b\naxis 0 1 0\norigin 0.04 0.0025 0.0025\njoint bc revolute b c\naxis 0 0.8 0.6\norigin 0.08 0.0025 0.0025\n"
+bake cube "mesh $blobs/box.obj\nyoung 5e3\npoisson 0.4\nfix-below z 0.001\ntets 200 900 4000\n"
+bake slab "mesh $blobs/plate.obj\nyoung 5e3\npoisson 0.4\nfix-below x 0.001\ntets 150 600 2000\n"
 bake moving "mesh $blobs/liver.obj\nyoung 5e3\npoisson 0.45\nfix-above y 0.026\ntets 90 300 1000\n"

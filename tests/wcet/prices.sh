@@ -7,7 +7,7 @@ shift
 out=${BUILD:-build}/wcet/proof
 mkdir -p "$out"
 gcc -std=gnu11 -O1 -I. tests/wcet/ipet/formulas.c "${BUILD:-build}/libpalp.a" -lm -o "$out/formulas"
-"$out/formulas" 1 120 "$@" > "$out/lines"
+"$out/formulas" 1 "${DRAWS:-30}" "$@" > "$out/lines"
 table() { # table TARGET
     on=${1%-cycles}
     [ "$on" != "$1" ] || for z in $zones; do sh tests/wcet/cases.sh "$1" "$z" 11 20; done > "$out/$1.cases"

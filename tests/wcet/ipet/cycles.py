@@ -2,13 +2,15 @@
 """What an instruction takes on a Cortex-M7 at most, in cycles: stated, not proved.
 
 For code and data in tightly coupled memory and a processor that does nothing else. Nothing is issued beside anything, each result is
-waited for (latencies as in gcc's scheduling model of this processor, or larger), each branch empties the pipeline, taken or not. An
-interrupt, an access to slower memory or a cache are not in it. port/cortexm/README.md says how a board is held against this by its
+waited for (latencies of gcc's scheduling model of this processor, cortex-m7.md, or larger), each branch empties the pipeline, taken or
+not. An interrupt, an access to slower memory or a cache are not in it. tests/wcet/README.md says how a board is held against this by its
 cycle counter."""
 import re
 
+INTEGER = 2    # and its result used at once
+MULTIPLY = 3
 FLUSH = 9      # a branch, call or return: six stages, two of them twice, and the first fetch
-LOAD = 3       # and its result used at once
+LOAD = 3       # the same
 STORE = 2
 DIVIDE = 20    # of integers
 FLOAT = 3      # add, subtract, multiply, convert, compare and its way to the flags
@@ -29,6 +31,8 @@ def registers(operands):
 
 def weigh(mnemonic, operands):
     m = re.sub(r"\.[nw]$", "", mnemonic)
+    if m in ("tbb", "tbh"):
+        return FLUSH + LOAD
     if BRANCHES.match(m) or (m.startswith(("pop", "ldm")) and "pc" in operands) or (m.startswith(("ldr", "mov")) and operands.startswith("pc")):
         return FLUSH + registers(operands) + (LOAD if "{" in operands or m.startswith("ldr") else 0)
     if m.startswith(("ldm", "pop", "vldm", "vpop")):
@@ -51,8 +55,6 @@ def weigh(mnemonic, operands):
         return FUSED
     if m.startswith("v"):
         return FLOAT
-    if m.startswith(("mul", "mla", "mls", "umull", "smull", "umlal", "smlal", "smmul")):
-        return 3
-    if re.search(r"\b(lsl|lsr|asr|ror|rrx)\b", operands):  # a shifted operand
-        return 2
-    return 1
+    if m.startswith(("mul", "mla", "mls", "umull", "smul", "umla", "smla", "smm", "smu")):
+        return MULTIPLY
+    return INTEGER
