@@ -28,7 +28,8 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "..", "..", ".."))
 COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: copies.c holds the target's own against them
 FITTED_ROOM = 1.5                # of operations that are not derived, over the most counted
-ROOM = 1.02                      # of prices, over the derivation at the counts that they are fitted at: others come near
+ROOM = 1.025                     # of prices, over the derivation at the counts that they are fitted at: others come near;
+MORE_ROOM = {"filled": 1.06, "inverse": 1.05}  # of operations with many counts, or with few bodies to fit on
 BODY = 10.0                      # weight of the counts that a body has against those that any might have
 CLOCK = 60                       # of one reading of the port's clock: stated, not derived
 AT_MOST = 4                      # cycles of an instruction where only instructions are known: of these, and of counted cases
@@ -264,7 +265,7 @@ def prices(target, path, lines, cases=None):
                 goal[k] += n / need * share
     for op, tool, counts, features in every:
         here = counts.get("here", 0)
-        add(features, ROOM * value(proof, op, tool, counts), (BODY if here else 1.0) / weight[op, tool, here])
+        add(features, MORE_ROOM.get(op, ROOM) * value(proof, op, tool, counts), (BODY if here else 1.0) / weight[op, tool, here])
     if fail(proof):
         return 1
     more = list(fitted(cases)) if cases is not None else []
