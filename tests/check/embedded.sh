@@ -53,7 +53,7 @@ device arm3-palp
 place 0.03 0 0.05
 tool ball 0.004
 END
-image 700 elastic "two devices, a capsule with friction and a ball on an elastic body"
+image 750 elastic "two devices, a capsule with friction and a ball on an elastic body"
 scene zones 49.5 << END
 body chain.palp
 finest 2
