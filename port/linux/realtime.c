@@ -66,7 +66,7 @@ static void say_missing(void *context, const char *what, const char *mend) {
     warn("not real-time: %s: %s", what, mend);
 }
 
-void realtime_prepare(realtime_spec *spec) {
+void realtime_prepare(const realtime_spec *spec) {
     if (!spec->strict && spec->priority == 0) {
         if (spec->buses > 0)
             warn("without --priority N the loop is an ordinary task, and nothing about its timing "
@@ -79,7 +79,7 @@ void realtime_prepare(realtime_spec *spec) {
         place.bus[b] = spec->bus[b];
         place.frames[b] = spec->frames[b];
     }
-    const uint32_t missing = startup_check(&place, say_missing, spec);
+    const uint32_t missing = startup_check(&place, say_missing, NULL);
     if (spec->strict && missing > 0)
         die(EXIT_WORK, "--strict-rt: %u of what real time needs is missing", missing);
     check_rights(spec);

@@ -24,11 +24,11 @@ typedef struct {
 
 /*
  * Before any thread: looks at the system (startup.h) and at what this process may do, says on
- * stderr what is missing and how to mend it (with `strict` exits 1 at the first), locks memory, and
+ * stderr all that is missing and how to mend it (with `strict` exits 1 then), locks memory, and
  * keeps the processors out of deep sleep. Without a priority or `strict` it only says, where there
  * is a bus, that nothing is guaranteed.
  */
-void realtime_prepare(realtime_spec *spec);
+void realtime_prepare(const realtime_spec *spec);
 
 /*
  * Runs `body` in a thread of its own with the scheduling asked for, its stack touched beforehand;

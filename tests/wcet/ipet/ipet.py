@@ -26,7 +26,7 @@ from source import Source
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "..", "..", ".."))
-COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: copies.c holds the target's own against them
+COPY_CALL, COPY_BYTE = 40, 0.75  # instructions of memcpy and the like at most: stated, not derived
 FITTED_ROOM = 1.5                # of operations that are not derived, over the most counted
 ROOM = 1.025                     # of prices, over the derivation at the counts that they are fitted at: others come near;
 MORE_ROOM = {"filled": 1.06, "inverse": 1.08}  # of operations with many counts, or with few bodies to fit on
