@@ -155,7 +155,6 @@ zoned model_zones(const mesh *body, const char *lines, double epsilon) {
     args_parse_text("model", lines, options, take_line, &s);
     build_options build = {.wavelet = {.kind = WAVELET_LINEAR, .lifted = true},
                            .compress = {.epsilon = epsilon},
-                           .table_bytes = 64e6,
                            .modes = BUILD_MODES};
     snprintf(path, sizeof path, "%s/zone.obj", folder);
     r.bytes = zone_bake(&s.z, &s.body, &build, "model", path, NULL, &r.size);
@@ -187,8 +186,8 @@ char *model_labels(const uint32_t *cell, uint32_t triangles, const char *const *
     return path;
 }
 
-static baked bake_of(mesh m, double below, double epsilon, bool raw, bool half, double table_bytes,
-                     double young_Pa) {
+static baked bake_of(mesh m, double below, build_options options, double young_Pa) {
+    const bool raw = options.raw;
     baked b = {.m = m,
                .material = {.young_Pa = young_Pa, .poisson = 0.4, .tolerance = BEM_TOLERANCE}};
     mesh_require_closed(&b.m, "model");
@@ -197,20 +196,16 @@ static baked bake_of(mesh m, double below, double epsilon, bool raw, bool half, 
     b.normal = allocate(m.vertices, sizeof *b.normal);
     for (uint32_t i = 0; i < m.vertices; i++) b.fixed[i] = m.x[i][2] <= below;
     mesh_nodal(&b.m, b.area, b.normal);
-    build_options options = {.wavelet = {.lifted = true},
-                             .compress = {.epsilon = epsilon, .half = half},
-                             .raw = raw,
-                             .modes = BUILD_MODES};
+    options.wavelet = (wavelet){.lifted = true};
+    options.modes = BUILD_MODES;
     b.d = domains_build(&b.m, b.fixed, b.area, options.wavelet);
     options.constraint_level = b.d.domain[PALP_FREE].view.levels - 1;
-    options.table_bytes = table_bytes;
     b.g = greens_from_bem(&b.m, b.fixed, &b.material, 1000);
     greens_reciprocity(&b.g, &b.m, !raw);
     palp_meta meta = {.young_Pa = (float)young_Pa, .poisson = 0.4f, .density_kg_m3 = 1000};
     built made = blob_build(&b.m, &b.g, &b.d, b.area, b.normal, meta, &options);
     b.bytes = made.bytes;
     b.size = made.size;
-    b.regularised = made.regularised;
     palp_status status = palp_blob_open(&b.blob, b.bytes, b.size);
     if (status != PALP_OK) die(EXIT_WORK, "test blob: %s", palp_status_text(status));
     return b;
@@ -218,15 +213,22 @@ static baked bake_of(mesh m, double below, double epsilon, bool raw, bool half, 
 
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes) {
-    return bake_of(m, below, epsilon, raw, half, table_bytes, 1e4);
+    const build_options o = {
+        .compress = {.epsilon = epsilon, .half = half}, .raw = raw, .table_bytes = table_bytes};
+    return bake_of(m, below, o, 1e4);
 }
 
 baked model_bake_young(mesh m, double below, double young_Pa) {
-    return bake_of(m, below, 0.05, false, false, 0, young_Pa);
+    return bake_of(m, below, (build_options){.compress = {.epsilon = 0.05}}, young_Pa);
 }
 
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half) {
     return model_bake_tables(m, below, epsilon, raw, half, 0);
+}
+
+baked model_bake_split(mesh m, double below, double epsilon, bool half) {
+    const build_options o = {.compress = {.epsilon = epsilon, .half = half}, .split = true};
+    return bake_of(m, below, o, 1e4);
 }
 
 dynamic_body model_dynamic_body(const tetmesh *level, uint32_t levels, double below, double young,

@@ -46,14 +46,15 @@ typedef struct {
     palp_blob blob;
     uint8_t *bytes;
     size_t size;
-    double regularised; /* largest regularisation over a node's own compliance */
 } baked;
 
 /* Fixes the vertices with z at most `below` and bakes in memory. */
 baked model_bake(mesh m, double below, double epsilon, bool raw, bool half);
-/* The same with dense tables of the coarse constraint levels up to that many bytes. */
+/* The same in split form (core/green/split.h). */
+baked model_bake_split(mesh m, double below, double epsilon, bool half);
 /* The same for display and feeling, of another material. */
 baked model_bake_young(mesh m, double below, double young_Pa);
+/* The same with dense tables of the coarse constraint levels up to that many bytes. */
 baked model_bake_tables(mesh m, double below, double epsilon, bool raw, bool half,
                         double table_bytes);
 

@@ -40,6 +40,12 @@ static void check_meta(palp_reader *r, const palp_meta *m) {
         }
     }
     palp_reader_require(r, m->cell_size_m > 0.0f && m->mean_edge_m > 0.0f && m->young_Pa > 0.0f);
+    if ((m->flags & PALP_META_SPLIT) == 0u) return;
+    palp_reader_require(r, (m->flags & (PALP_META_BUTTERFLY | PALP_META_SCALAR)) == 0u);
+    palp_reader_require(r, (m->flags & PALP_META_SYMMETRIC) != 0u && m->modes > 0u);
+    palp_reader_require(r, m->constraint_level + 1u == m->levels);
+    palp_reader_require(r, ((m->flags & PALP_META_FIXED_COLUMNS) != 0u) ==
+                               ((m->flags & PALP_META_REACTIONS) != 0u));
 }
 
 /* Whether a cell of the search grid lists a node that lies in it, but for rounding. */
@@ -80,7 +86,6 @@ static void read_mesh(palp_reader *r, palp_blob *b) {
     b->rest_m = palp_reader_floats(r, PALP_SEC_REST, m->nodes, 3);
     b->normal = palp_reader_floats(r, PALP_SEC_NORMAL, m->nodes, 3);
     b->area_m2 = palp_reader_floats(r, PALP_SEC_AREA, m->nodes, 1);
-    b->regularisation = palp_reader_floats(r, PALP_SEC_REGULARISATION, m->nodes, 1);
     b->triangle = palp_reader_indices(r, PALP_SEC_TRIANGLE, m->triangles, 3, m->nodes);
     b->ring_offset = palp_reader_offsets(r, PALP_SEC_RING_OFFSET, m->nodes, m->max_ring);
     b->cell_offset = palp_reader_offsets(r, PALP_SEC_CELL_OFFSET, cells, m->nodes);
@@ -92,7 +97,7 @@ static void read_mesh(palp_reader *r, palp_blob *b) {
         palp_vec3 n = palp_vec3_at(b->normal + 3u * i);
         float length2 = palp_dot(n, n);
         palp_reader_require(r, length2 > 0.98f && length2 < 1.02f);
-        palp_reader_require(r, b->area_m2[i] > 0.0f && b->regularisation[i] >= 0.0f);
+        palp_reader_require(r, b->area_m2[i] > 0.0f);
         palp_reader_require(r, is_in_grid(b, i));
     }
 }
@@ -205,6 +210,8 @@ static void read_block(palp_reader *r, palp_blob *b, uint32_t row, uint32_t colu
     bool gravity = column == PALP_FREE && palp_blob_has(b, PALP_META_GRAVITY);
     uint32_t nodes =
         column == PALP_FREE ? d->level_start[b->meta->constraint_level + 1u] : d->slots;
+    /* reactions to loads are then those of the fixed nodes' columns, by reciprocity */
+    if (palp_blob_has(b, PALP_META_SPLIT) && row == PALP_FIXED && column == PALP_FREE) nodes = 0;
     palp_columns *v = &b->columns[row][column];
     v->rows = b->domain[row].slots;
     v->columns = nodes + (gravity ? 1u : 0u);
@@ -252,7 +259,7 @@ static void read_levels(palp_reader *r, palp_blob *b) {
         if (l > b->meta->constraint_level) continue;
         if (l == b->meta->constraint_level) {
             v->columns = b->columns[PALP_FREE][PALP_FREE];
-        } else {
+        } else if (!palp_blob_has(b, PALP_META_SPLIT)) {
             v->columns = (palp_columns){.columns = v->nodes, .rows = d->slots};
             read_columns(
                 r, b->meta, &v->columns,

@@ -98,7 +98,6 @@ typedef struct {
     const palp_meta *meta;
     const float *rest_m;         /* [nodes][3] */
     const float *normal;         /* [nodes][3] */
-    const float *regularisation; /* [nodes] added to each node's own normal compliance, m/N */
     const float *area_m2;        /* [nodes] */
     const uint32_t *triangle;    /* [triangles][3] */
     const uint32_t *slot;        /* [nodes] */

@@ -14,7 +14,8 @@
 #include <stdint.h>
 
 #define PALP_BLOB_MAGIC "PALPBLOB"
-#define PALP_BLOB_VERSION 2u
+#define PALP_BLOB_VERSION 3u /* written; what is read begins with: */
+#define PALP_BLOB_OLDEST 2u
 #define PALP_BLOB_BYTE_ORDER 0x01020304u
 #define PALP_BLOB_ALIGN 64u
 #define PALP_MAX_LEVELS 12u   /* levels 0..11 */
@@ -64,8 +65,8 @@ typedef enum {
     PALP_SEC_RING = 8,        /* u32[] neighbours of each node */
     PALP_SEC_CELL_OFFSET = 9, /* u32[cells + 1] search grid */
     PALP_SEC_CELL_NODE = 10,  /* u32[nodes] nodes sorted by cell */
-    PALP_SEC_REGULARISATION = 11, /* f32[nodes] added to each node's own normal compliance, m/N */
-    PALP_SEC_LEVEL_AREA = 12,     /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
+    /* 11: of blobs before version 0.4, not read */
+    PALP_SEC_LEVEL_AREA = 12, /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
     /* The surface as contact meets it (core/surface); all or none. */
     PALP_SEC_ACROSS = 13,       /* u32[triangles][3] triangle across the edge facing each corner */
     PALP_SEC_MODE_VALUE = 14,   /* f32[modes] eigenvalues of H, largest magnitude first, m/N */
@@ -211,6 +212,7 @@ PALP_STATIC_ASSERT(sizeof(palp_seam_entry) == 128, "seam entry layout");
 #define PALP_META_SCALAR                                                                           \
     128u /* one unknown per node: blocks of one entry, groups of PALP_LANES                        \
           */
+#define PALP_META_SPLIT 256u /* free-free: half-space, modes and corrections (green/split.h) */
 
 typedef struct {
     uint32_t nodes, triangles, levels, flags;

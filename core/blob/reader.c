@@ -42,7 +42,8 @@ static void check_header(palp_reader *r) {
         palp_reader_fail(r, PALP_ERR_MAGIC);
         return;
     }
-    if (h->version != PALP_BLOB_VERSION || h->byte_order != PALP_BLOB_BYTE_ORDER) {
+    if (h->version < PALP_BLOB_OLDEST || h->version > PALP_BLOB_VERSION ||
+        h->byte_order != PALP_BLOB_BYTE_ORDER) {
         palp_reader_fail(r, PALP_ERR_VERSION);
         return;
     }

@@ -22,6 +22,14 @@ static void lay_out(palp_cma *c, const palp_blob *b, uint32_t n, palp_arena *are
     c->covered = palp_take(arena, b->domain[PALP_FREE].slots, 1);
     c->row.index = palp_take(arena, longest, sizeof(uint16_t));
     c->row.weight = palp_take(arena, longest, sizeof(float));
+    if (palp_blob_has(b, PALP_META_SPLIT)) {
+        const uint32_t slots = b->domain[PALP_FREE].slots;
+        c->turned = palp_take(arena, (size_t)slots * PALP_FIELD_LANES, sizeof(float));
+        c->weights.index = palp_take(arena, slots, sizeof(uint16_t));
+        c->weights.weight = palp_take(arena, slots, sizeof(float));
+        c->others.index = palp_take(arena, slots, sizeof(uint16_t));
+        c->others.weight = palp_take(arena, slots, sizeof(float));
+    }
     for (uint32_t d = 0; d < PALP_DOMAINS; d++) {
         uint32_t slots = b->domain[d].slots;
         c->detail[d] = palp_take(arena, (size_t)slots * PALP_FIELD_LANES, sizeof(float));

@@ -32,6 +32,7 @@
 #include "core/base/arena.h"
 #include "core/base/real.h"
 #include "core/green/hierarchy.h"
+#include "core/green/split.h"
 
 typedef enum {
     PALP_PRESCRIBE_DISPLACEMENT, /* u = value (m) */
@@ -69,8 +70,12 @@ typedef struct {
     palp_vec3 gravity_m_s2;
     uint32_t level; /* on which displacements are imposed */
     palp_pairing pairing;
-    palp_row row;
+    palp_row row; /* of W^-1, or of R_l W^-1 */
     palp_row_scratch scratch[PALP_DOMAINS];
+    /* Of a split blob (green/split.h), whose sums are nodal values: */
+    float load[PALP_MAX_MODES]; /* what the forces give its modes */
+    float *turned;              /* [free slots][4] W^-T of the forces */
+    palp_row weights, others;   /* of R_l, of the row's and of the column's unknown */
 } palp_cma;
 
 /* Bytes that palp_cma_init needs for `max_unknowns` switched scalars; SIZE_MAX when that is more
@@ -110,8 +115,8 @@ palp_status palp_cma_gravity(palp_cma *cma, palp_vec3 acceleration_m_s2);
  * displaced node that no stored column can hold, or released fixed nodes with collocated
  * constraints on a coarse level); then the conditions are as before. Afterwards cma->solved is the
  * number of unknowns that there were, and the forces found count as given: palp_cma_clear comes
- * before the next problem. Cost, s unknowns: s^2 extractions, s^3/6 (Cholesky) or s^3/3 (LU), s
- * columns, one transform.
+ * before the next problem. Cost, s unknowns: s^2 extractions (of a split blob palp_split_between),
+ * s^3/6 (Cholesky) or s^3/3 (LU), s columns, one transform.
  */
 palp_status palp_cma_solve(palp_cma *cma, float *u_m, float *f_N);
 

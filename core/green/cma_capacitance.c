@@ -26,30 +26,68 @@ static const palp_columns *columns_of(const palp_cma *c, uint32_t d,
     return &b->level[t->level].columns;
 }
 
-/* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
-static void assemble_row(palp_cma *c, uint32_t k) {
+/* The row of W^-1, or of R_l W^-1, that yields the value at switch `s`. */
+static void make_row(palp_cma *c, const palp_switched_unknown *s) {
     const palp_blob *b = c->blob;
-    const palp_switched_unknown *s = palp_cma_unknown(c, k);
-    uint32_t d = palp_cma_domain(b, s->node);
-    float factor = row_factor(c, s->node);
-    float block[9];
-    uint32_t extracted = PALP_MAX_NODES + 1u, slot = palp_node_slot(b, s->node);
+    const uint32_t d = palp_cma_domain(b, s->node), slot = palp_node_slot(b, s->node);
     if (palp_cma_is_coarse(c, s) && c->pairing == PALP_ENERGETIC) {
         (void)palp_basis_row(b, (palp_basis){s->level, slot}, &c->scratch[d], &c->row,
                              b->domain[d].slots);
     } else {
         (void)palp_wavelet_row(&b->domain[d], slot, &c->scratch[d], &c->row, b->domain[d].slots);
     }
-    palp_vec3 v0 = {0};
-    for (uint32_t r = 0; r < c->row.count; r++) {
-        v0 = palp_madd(v0, c->row.weight[r],
-                       palp_vec3_at(c->detail[d] + PALP_FIELD_LANES * c->row.index[r]));
+}
+
+/* The same of nodal values. */
+static void make_weights(palp_cma *c, const palp_switched_unknown *s) {
+    const uint32_t slot = palp_node_slot(c->blob, s->node);
+    if (palp_cma_is_coarse(c, s) && c->pairing == PALP_ENERGETIC) {
+        (void)palp_basis_weights(c->blob, (palp_basis){s->level, slot}, &c->scratch[PALP_FREE],
+                                 &c->weights, c->blob->domain[PALP_FREE].slots);
+        return;
     }
+    c->weights.count = 1u;
+    c->weights.index[0] = (uint16_t)slot;
+    c->weights.weight[0] = 1.0f;
+}
+
+/* What the column of switch `t` shows in domain `d` at the row that was made. Of a split blob
+ * reactions to loads are completed by reciprocity. */
+static void extract(palp_cma *c, uint32_t d, const palp_switched_unknown *t, float block[9]) {
+    const palp_blob *b = c->blob;
+    const uint32_t slot = palp_node_slot(b, t->node);
+    if (!palp_cma_is_split(c) || palp_node_is_fixed(b, t->node)) {
+        palp_columns_extract(columns_of(c, d, t), slot, &c->row, block);
+    } else if (d == PALP_FREE) {
+        (void)palp_basis_weights(b, (palp_basis){t->level, slot}, &c->scratch[d], &c->others,
+                                 b->domain[d].slots);
+        palp_split_between(b, &c->weights, &c->others, block);
+    }
+}
+
+/* Row k of C, and the residual t_k - e_k^T v0 (MR 39, 43). */
+static void assemble_row(palp_cma *c, uint32_t k) {
+    const palp_blob *b = c->blob;
+    const palp_switched_unknown *s = palp_cma_unknown(c, k);
+    const palp_row *row = &c->row;
+    uint32_t d = palp_cma_domain(b, s->node);
+    float factor = row_factor(c, s->node);
+    float block[9] = {0};
+    uint32_t extracted = PALP_MAX_NODES + 1u;
+    make_row(c, s);
+    if (palp_cma_is_split(c)) {
+        make_weights(c, s);
+        row = &c->weights;
+    }
+    palp_vec3 v0 = {0};
+    for (uint32_t r = 0; r < row->count; r++)
+        v0 = palp_madd(v0, row->weight[r],
+                       palp_vec3_at(c->detail[d] + PALP_FIELD_LANES * row->index[r]));
     c->rhs[k] = s->target - factor * palp_dot(s->direction, v0);
     for (uint32_t l = 0; l < c->solved; l++) {
         const palp_switched_unknown *t = palp_cma_unknown(c, l);
         if (t->node != extracted) {
-            palp_columns_extract(columns_of(c, d, t), palp_node_slot(b, t->node), &c->row, block);
+            extract(c, d, t, block);
             extracted = t->node;
         }
         c->capacitance[(size_t)k * c->solved + l] =
@@ -57,14 +95,15 @@ static void assemble_row(palp_cma *c, uint32_t k) {
     }
 }
 
-/* Reactions to hats below the constraint level are not stored: Betti gives their entries. */
+/* Reactions to hats below the constraint level are not stored, of a split blob none to loads: Betti
+ * gives their entries. */
 static void complete_by_reciprocity(palp_cma *c) {
     for (uint32_t k = 0; k < c->solved; k++) {
         for (uint32_t l = 0; l < c->solved; l++) {
             const palp_switched_unknown *s = palp_cma_unknown(c, k), *t = palp_cma_unknown(c, l);
             bool missing = palp_node_is_fixed(c->blob, s->node) &&
                            !palp_node_is_fixed(c->blob, t->node) &&
-                           t->level < c->blob->meta->constraint_level;
+                           (t->level < c->blob->meta->constraint_level || palp_cma_is_split(c));
             if (missing)
                 c->capacitance[(size_t)k * c->solved + l] =
                     -c->capacitance[(size_t)l * c->solved + k];

@@ -14,6 +14,10 @@ static inline uint32_t palp_cma_domain(const palp_blob *b, uint32_t node) {
     return palp_node_is_fixed(b, node) ? PALP_FIXED : PALP_FREE;
 }
 
+static inline bool palp_cma_is_split(const palp_cma *cma) {
+    return palp_blob_has(cma->blob, PALP_META_SPLIT);
+}
+
 /* Whether a switch stands for a basis function below the finest level. */
 static inline bool palp_cma_is_coarse(const palp_cma *c, const palp_switched_unknown *s) {
     return !palp_node_is_fixed(c->blob, s->node) && s->level + 1u < c->blob->meta->levels;
@@ -37,7 +41,8 @@ void palp_cma_nodal_forces(palp_cma *cma);
 
 /* ---- cma_field.c ---- */
 
-/* g~_1 of MR 42 and 45: the RBVP's answer to what is given so far, as details. */
+/* g~_1 of MR 42 and 45: the RBVP's answer to what is given so far, as details; of a split blob as
+ * nodal values. */
 void palp_cma_sum_columns(palp_cma *cma);
 
 /* MR 46 and 47: one inverse transform per domain; nodes take their values, switched ones exactly.

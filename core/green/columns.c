@@ -131,3 +131,14 @@ void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_ro
     }
     for (uint32_t e = 0; e < 9; e++) block[e] = columns->scale[j] * sum[e];
 }
+
+void palp_columns_dot(const palp_columns *columns, uint32_t j, const float *x, float sum[3]) {
+    for (uint32_t c = 0; c < 3u; c++) sum[c] = 0.0f;
+    for (uint32_t at = columns->offset[j] * PALP_LANES; at < columns->offset[j + 1u] * PALP_LANES;
+         at++) {
+        const float *y = x + 4u * columns->index[at];
+        for (uint32_t e = 0; e < columns->entries; e++)
+            sum[e % 3u] += value_at(columns, at, e) * y[e / 3u];
+    }
+    for (uint32_t c = 0; c < 3u; c++) sum[c] *= columns->scale[j];
+}

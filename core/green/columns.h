@@ -22,6 +22,12 @@ void palp_columns_add(const palp_columns *columns, uint32_t j, const float v[3],
 void palp_columns_extract(const palp_columns *columns, uint32_t j, const palp_row *row,
                           float block[9]);
 
+/*
+ * The transpose of palp_columns_add: sum = column_j^T x, `x` float[rows][4]. Cost: 9 multiply-adds per
+ * stored block.
+ */
+void palp_columns_dot(const palp_columns *columns, uint32_t j, const float *x, float sum[3]);
+
 /* Stored blocks of column j, padding included. */
 static inline uint32_t palp_columns_blocks(const palp_columns *columns, uint32_t j) {
     return (columns->offset[j + 1] - columns->offset[j]) * PALP_LANES;

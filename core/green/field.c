@@ -5,7 +5,8 @@ static void lay_out(palp_field *f, const palp_blob *b, palp_arena *arena) {
     uint32_t n = b->domain[PALP_FREE].slots;
     *f = (palp_field){.blob = b};
     for (uint32_t l = 0; l <= b->meta->constraint_level; l++)
-        f->first[l + 1u] = f->first[l] + b->level[l].nodes;
+        f->first[l + 1u] =
+            f->first[l] + (b->level[l].columns.columns > 0u ? b->level[l].nodes : 0u);
     uint32_t all = f->first[b->meta->constraint_level + 1u];
     f->detail = palp_take(arena, (size_t)n * PALP_FIELD_LANES, sizeof(float));
     f->field = palp_take(arena, (size_t)n * PALP_FIELD_LANES, sizeof(float));
@@ -23,6 +24,10 @@ static void add_column(palp_field *f, uint32_t which, const float force[3]) {
     uint32_t level = 0;
     /* at most PALP_MAX_LEVELS */
     while (which >= f->first[level + 1u]) level++;
+    if (palp_blob_has(f->blob, PALP_META_SPLIT)) {
+        palp_split_add(f->blob, which - f->first[level], force, f->load, f->detail);
+        return;
+    }
     palp_columns_add(&f->blob->level[level].columns, which - f->first[level], force, f->detail);
 }
 
@@ -37,6 +42,7 @@ static void sum_from_scratch(palp_field *f) {
     const palp_columns *c = &f->blob->columns[PALP_FREE][PALP_FREE];
     uint32_t n = f->blob->domain[PALP_FREE].slots;
     for (uint32_t i = 0; i < n * PALP_FIELD_LANES; i++) f->detail[i] = 0.0f;
+    for (uint32_t a = 0; a < PALP_MAX_MODES; a++) f->load[a] = 0.0f;
     if (palp_blob_has(f->blob, PALP_META_GRAVITY)) {
         const float g[3] = {f->gravity_m_s2.x, f->gravity_m_s2.y, f->gravity_m_s2.z};
         palp_columns_add(c, c->columns - 1u, g, f->detail);
@@ -80,8 +86,8 @@ static void change(palp_field *f, uint32_t which, palp_vec3 force) {
 
 /* Number of a basis function among all; their count if the blob does not hold it. */
 static uint32_t number_of(const palp_field *f, palp_basis b) {
-    bool held =
-        b.level <= f->blob->meta->constraint_level && b.slot < f->blob->level[b.level].nodes;
+    bool held = b.level <= f->blob->meta->constraint_level &&
+                b.slot < f->first[b.level + 1u] - f->first[b.level];
     return held ? f->first[b.level] + b.slot : count_of(f);
 }
 
@@ -117,7 +123,10 @@ const float *palp_field_reconstruct(palp_field *field, uint32_t level) {
     uint32_t top = level < d->levels ? level : d->levels - 1u;
     uint32_t used = d->level_start[top + 1] * PALP_FIELD_LANES;
     for (uint32_t i = 0; i < used; i++) field->field[i] = field->detail[i];
-    palp_wavelet_inverse(d, field->field, top);
+    if (palp_blob_has(field->blob, PALP_META_SPLIT))
+        palp_split_add_modes(field->blob, field->load, d->level_start[top + 1], field->field);
+    else
+        palp_wavelet_inverse(d, field->field, top);
     return field->field;
 }
 

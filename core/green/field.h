@@ -10,6 +10,7 @@
 #include "core/base/arena.h"
 #include "core/base/real.h"
 #include "core/green/hierarchy.h"
+#include "core/green/split.h"
 
 /* A force on a basis function of the constraint hierarchy; on the constraint level itself, when
  * that is the finest, a nodal force. */
@@ -20,7 +21,8 @@ typedef struct {
 
 typedef struct {
     const palp_blob *blob;
-    float *detail;                        /* [slots][4] sum of columns so far */
+    float *detail; /* [slots][4] sum of columns so far; of a split blob of its nodal values */
+    float load[PALP_MAX_MODES];           /* of a split blob: what the loads give its modes */
     float *field;                         /* [slots][4] */
     uint32_t first[PALP_MAX_LEVELS + 1u]; /* number of [l,0] among all basis functions */
     float *applied_N;                     /* [all][3] forces that `detail` holds */
@@ -45,16 +47,17 @@ palp_status palp_field_gravity(palp_field *field, palp_vec3 acceleration_m_s2);
 
 /*
  * Replaces the forces by `loads` (each basis function at most once; those that the blob does not
- * hold are ignored).
+ * hold are ignored: a split blob has none but the nodes).
  * Only columns whose force changed are summed; every PALP_FIELD_REFRESH updates all are, so that
- * rounding does not build up. Cost: 9 multiply-adds per stored block of each changed column.
+ * rounding does not build up. Cost: 9 multiply-adds per stored block of each changed column, of a
+ * split blob palp_split_add for each.
  */
 #define PALP_FIELD_REFRESH 1000u
 void palp_field_update(palp_field *field, const palp_load *loads, uint32_t count);
 
 /*
  * Displacements of the nodes up to `level`, float[level_start[level + 1]][4] in slot order (m);
- * valid until the next call. Cost: one inverse transform.
+ * valid until the next call. Cost: one inverse transform; of a split blob palp_split_add_modes.
  */
 const float *palp_field_reconstruct(palp_field *field, uint32_t level);
 

@@ -33,9 +33,19 @@ static void distribute(const palp_blob *b, uint32_t level, palp_row_scratch *s) 
     }
 }
 
-bool palp_basis_row(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
-                    palp_row *row, uint32_t capacity) {
+static void mark_basis(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch) {
     palp_row_mark(scratch, basis.slot, 1.0f);
     for (uint32_t l = basis.level; l + 1u < blob->meta->levels; l++) distribute(blob, l, scratch);
+}
+
+bool palp_basis_weights(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
+                        palp_row *row, uint32_t capacity) {
+    mark_basis(blob, basis, scratch);
+    return palp_row_collect(blob->domain[PALP_FREE].slots, scratch, row, capacity);
+}
+
+bool palp_basis_row(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
+                    palp_row *row, uint32_t capacity) {
+    mark_basis(blob, basis, scratch);
     return palp_row_finish(&blob->domain[PALP_FREE], scratch, row, capacity);
 }

@@ -47,6 +47,10 @@ palp_child_range palp_children(const palp_domain *domain, uint32_t slot, uint32_
 bool palp_basis_row(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
                     palp_row *row, uint32_t capacity);
 
+/* The row of R_l itself: weights of the nodes under the hat. On the finest level one entry. */
+bool palp_basis_weights(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch,
+                        palp_row *row, uint32_t capacity);
+
 /* The 3x3 block R_l G R_l^T at (i, j) looked up in the table of `level`. */
 static inline void palp_table_block(const palp_blob *blob, uint32_t level, uint32_t i, uint32_t j,
                                     float block[9]) {

@@ -66,6 +66,29 @@ void palp_wavelet_inverse(const palp_domain *domain, float *x, uint32_t level) {
     }
 }
 
+/* Each odd slot gives its parents their shares of it. */
+static void predict_back(const palp_domain *d, float *x, uint32_t level) {
+    for (uint32_t m = d->level_start[level]; m < d->level_start[level + 1]; m++) {
+        for (uint32_t k = 0; k < 2; k++)
+            add_scaled(x + LANES * d->parent[2 * m + k], x + LANES * m, d->predict[2 * m + k]);
+    }
+}
+
+/* .. and takes from them what the update had given. */
+static void update_back(const palp_domain *d, float *x, uint32_t level) {
+    for (uint32_t m = d->level_start[level]; m < d->level_start[level + 1]; m++) {
+        for (uint32_t k = 0; k < 2; k++)
+            add_scaled(x + LANES * m, x + LANES * d->parent[2 * m + k], -d->update[2 * m + k]);
+    }
+}
+
+void palp_wavelet_adjoint(const palp_domain *domain, float *x) {
+    for (uint32_t l = domain->levels - 1; l > 0; l--) {
+        predict_back(domain, x, l);
+        update_back(domain, x, l);
+    }
+}
+
 void palp_row_mark(palp_row_scratch *scratch, uint32_t slot, float weight) {
     scratch->weight[slot] += weight;
     scratch->mark[slot / 32u] |= 1u << (slot % 32u);
@@ -109,12 +132,10 @@ static void row_level(const palp_domain *d, uint32_t level, palp_row_scratch *s)
     }
 }
 
-bool palp_row_finish(const palp_domain *domain, palp_row_scratch *scratch, palp_row *row,
-                     uint32_t capacity) {
-    for (uint32_t l = domain->levels - 1; l > 0; l--) row_level(domain, l, scratch);
+bool palp_row_collect(uint32_t slots, palp_row_scratch *scratch, palp_row *row, uint32_t capacity) {
     uint32_t count = 0;
-    for (uint32_t k = palp_row_next(scratch, 0, domain->slots); k < domain->slots;
-         k = palp_row_next(scratch, k + 1, domain->slots)) {
+    for (uint32_t k = palp_row_next(scratch, 0, slots); k < slots;
+         k = palp_row_next(scratch, k + 1, slots)) {
         if (count < capacity) {
             row->index[count] = (uint16_t)k;
             row->weight[count] = scratch->weight[k];
@@ -125,6 +146,12 @@ bool palp_row_finish(const palp_domain *domain, palp_row_scratch *scratch, palp_
     }
     row->count = count <= capacity ? count : 0u;
     return count <= capacity;
+}
+
+bool palp_row_finish(const palp_domain *domain, palp_row_scratch *scratch, palp_row *row,
+                     uint32_t capacity) {
+    for (uint32_t l = domain->levels - 1; l > 0; l--) row_level(domain, l, scratch);
+    return palp_row_collect(domain->slots, scratch, row, capacity);
 }
 
 bool palp_wavelet_row(const palp_domain *domain, uint32_t slot, palp_row_scratch *scratch,

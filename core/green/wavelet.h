@@ -30,6 +30,12 @@ void palp_wavelet_forward(const palp_domain *domain, float *x);
 void palp_wavelet_inverse(const palp_domain *domain, float *x, uint32_t level);
 
 /*
+ * x := W^-T x of a linear wavelet: with loads on the nodes in x, what the details of a column are to be
+ * multiplied with. Cost as palp_wavelet_inverse.
+ */
+void palp_wavelet_adjoint(const palp_domain *domain, float *x);
+
+/*
  * One row of W^-1 (the operator E^T W^-1 of MR 5.3): the field at `slot` equals
  * sum_k weight[k] detail[index[k]], indices ascending.
  */
@@ -56,11 +62,13 @@ bool palp_wavelet_row(const palp_domain *domain, uint32_t slot, palp_row_scratch
 /*
  * The same for a weighted mean of several nodes: palp_row_mark adds weights to `scratch`,
  * palp_row_next finds the marked slots in ascending order (`end` if none is left), and
- * palp_row_finish turns what is marked into the row and clears the scratch.
+ * palp_row_finish turns what is marked into the row and clears the scratch; palp_row_collect does
+ * so without W^-1: the row has the weights as they were marked.
  */
 void palp_row_mark(palp_row_scratch *scratch, uint32_t slot, float weight);
 uint32_t palp_row_next(const palp_row_scratch *scratch, uint32_t from, uint32_t end);
 bool palp_row_finish(const palp_domain *domain, palp_row_scratch *scratch, palp_row *row,
                      uint32_t capacity);
+bool palp_row_collect(uint32_t slots, palp_row_scratch *scratch, palp_row *row, uint32_t capacity);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/host/placement.h"
-#include "core/green/columns.h"
+#include "core/green/hierarchy.h"
+#include "core/green/split.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -46,8 +47,13 @@ static float *node_stiffness(const palp_blob *b) {
         uint32_t node = b->domain[PALP_FREE].node[s];
         palp_vec3 n = normal(b, node);
         float g[9];
-        (void)palp_basis_row(b, (palp_basis){level, s}, &scratch, &row, slots);
-        palp_columns_extract(&b->level[level].columns, s, &row, g);
+        if (palp_blob_has(b, PALP_META_SPLIT)) {
+            (void)palp_basis_weights(b, (palp_basis){level, s}, &scratch, &row, slots);
+            palp_split_between(b, &row, &row, g);
+        } else {
+            (void)palp_basis_row(b, (palp_basis){level, s}, &scratch, &row, slots);
+            palp_columns_extract(&b->level[level].columns, s, &row, g);
+        }
         palp_vec3 u = {palp_dot(palp_vec3_at(g), n), palp_dot(palp_vec3_at(g + 3), n),
                        palp_dot(palp_vec3_at(g + 6), n)};
         const float compliance = palp_dot(n, u);

@@ -268,8 +268,7 @@ static void measure_patch(const palp_blob *b, const near_slot *list, uint32_t s,
                 palp_vec3 u = {palp_dot(palp_vec3_at(block), nj),
                                palp_dot(palp_vec3_at(block + 3), nj),
                                palp_dot(palp_vec3_at(block + 6), nj)};
-                c[(size_t)i * n + j] =
-                    palp_dot(ni, u) + (i == j ? b->regularisation[d->node[slot[i]]] : 0);
+                c[(size_t)i * n + j] = palp_dot(ni, u);
             }
         }
         for (uint32_t i = 0; i < n && !table; i++) { /* as contact does */

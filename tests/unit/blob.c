@@ -182,8 +182,12 @@ int main(void) {
                "columns of fixed nodes without their rows");
     expect_bad(PALP_SEC_NORMAL, 0, 0x60000000u, PALP_ERR_RANGE,
                "a normal that is not of unit length");
-    expect_bad(PALP_SEC_REGULARISATION, 0, 0xbf800000u, PALP_ERR_RANGE,
-               "a negative regularisation");
+    expect_bad(PALP_SEC_META, offsetof(palp_meta, flags),
+               sample.blob.meta->flags | PALP_META_SPLIT | PALP_META_BUTTERFLY, PALP_ERR_RANGE,
+               "a split form with butterfly wavelets");
+    expect_bad(PALP_SEC_META, offsetof(palp_meta, flags),
+               (sample.blob.meta->flags | PALP_META_SPLIT) & ~PALP_META_SYMMETRIC, PALP_ERR_RANGE,
+               "a split form that is not symmetric");
     test_short_rows();
     test_random();
     /* Baking again gives the same bytes, on one thread or several. */

@@ -387,5 +387,12 @@ int main(void) {
     test_rigid(&enforced);
     test_loose(&enforced);
     test_failed_solve(&enforced);
+    /* Half-space and modes, every pair of nodes corrected; then as it is stored. */
+    baked split = model_bake_split(model_sphere(2), -0.7, 1e-9, false);
+    test_kinds(&split.blob, "split", 0.08);
+    test_rigid(&split);
+    test_loose(&split);
+    baked small = model_bake_split(model_sphere(2), -0.7, 0.05, true);
+    test_kinds(&small.blob, "split at epsilon 0.05", 0.08);
     return tap_done();
 }

@@ -223,9 +223,6 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     section_add(&l, PALP_SEC_REST, rest, m->vertices, 12);
     section_add(&l, PALP_SEC_NORMAL, normal, m->vertices, 12);
     section_add(&l, PALP_SEC_AREA, area, m->vertices, 4);
-    float *none = allocate(m->vertices, sizeof *none);
-    section_add(&l, PALP_SEC_REGULARISATION, c->regularisation != NULL ? c->regularisation : none,
-                m->vertices, 4);
     float *level_area = add_levels(&l, c);
     add_detail(&l, c->detail, m->vertices);
     add_regular(&l, c->regular, c->level_error, m);
@@ -248,8 +245,8 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
         }
     }
     uint8_t *blob = lay_out(&l, bytes);
-    void *temporary[] = {ring_offset, ring, cell_offset, cell_node, slot,
-                         none,        rest, normal,      area,      level_area};
+    void *temporary[] = {ring_offset, ring,   cell_offset, cell_node, slot,
+                         rest,        normal, area,        level_area};
     for (size_t i = 0; i < sizeof temporary / sizeof temporary[0]; i++) free(temporary[i]);
     return blob;
 }

@@ -16,7 +16,6 @@ typedef struct {
     const uint8_t *fixed;
     const double *area;
     double (*normal)[3];
-    const float *regularisation; /* [nodes]; NULL: none */
     const hierarchy *h;
     const columns_data *coarse[PALP_MAX_LEVELS]; /* levels below the constraint level */
     const float *table[PALP_MAX_LEVELS];         /* NULL: not stored */

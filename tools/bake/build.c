@@ -4,13 +4,17 @@
 #include "tools/solver/dense.h"
 #include "port/host/parallel.h"
 #include "tools/bake/regular.h"
-#include "tools/bake/regularise.h"
+#include "tools/bake/split.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+/* Of the split form the columns of fixed nodes give the reactions too, which are small beside their
+ * largest blocks: with these shares of epsilon reactions are off by no more than in the other form. */
+#define SPLIT_FREE_ROWS 0.5
+#define SPLIT_FIXED_ROWS 0.25
 #define TABLE_FLOOR 1e-5 /* share of its diagonal that a table may lose and stay definite */
 
 domains domains_build(const mesh *m, const uint8_t *fixed, const double *area, wavelet w) {
@@ -58,6 +62,25 @@ static void list_columns(builder *b) {
     for (size_t j = 0; j < fixed->view.slots; j++) b->fixed_first[j] = 3 * (size_t)fixed->node[j];
 }
 
+static void keep_columns(builder *b, uint32_t row, uint32_t column, columns_data data) {
+    b->columns[row][column] = data;
+    b->content.columns[row][column] = &b->columns[row][column];
+}
+
+/* Columns of the fixed nodes, with `share` of epsilon. */
+static void compress_held(builder *b, uint32_t row, double share) {
+    compress_options options = b->compress;
+    options.epsilon *= share;
+    gf_source held = {.m = b->g->m,
+                      .width = b->g->width,
+                      .first = b->fixed_first,
+                      .columns = b->d->domain[PALP_FIXED].view.slots,
+                      .counted = b->d->domain[PALP_FIXED].view.slots};
+    keep_columns(
+        b, row, PALP_FIXED,
+        columns_build(&held, &b->d->domain[row], row == PALP_FIXED ? b->area : NULL, options));
+}
+
 static void compress_blocks(builder *b) {
     const greens *g = b->g;
     uint32_t n = level_nodes(b, b->level);
@@ -66,20 +89,29 @@ static void compress_blocks(builder *b) {
                        .first = b->first,
                        .columns = n + (g->gravity ? 1u : 0u),
                        .counted = n};
-    gf_source held = {.m = g->m,
-                      .width = g->width,
-                      .first = b->fixed_first,
-                      .columns = b->d->domain[PALP_FIXED].view.slots,
-                      .counted = b->d->domain[PALP_FIXED].view.slots};
     for (uint32_t r = 0; r < PALP_DOMAINS; r++) {
         if (r == PALP_FIXED && !g->reactions) continue;
         const double *area = r == PALP_FIXED ? b->area : NULL;
-        b->columns[r][PALP_FREE] = columns_build(&loads, &b->d->domain[r], area, b->compress);
-        b->content.columns[r][PALP_FREE] = &b->columns[r][PALP_FREE];
-        if (!g->reactions || g->basis_count > 0 || b->o->loads_only) continue;
-        b->columns[r][PALP_FIXED] = columns_build(&held, &b->d->domain[r], area, b->compress);
-        b->content.columns[r][PALP_FIXED] = &b->columns[r][PALP_FIXED];
+        keep_columns(b, r, PALP_FREE, columns_build(&loads, &b->d->domain[r], area, b->compress));
+        if (g->reactions && g->basis_count == 0 && !b->o->loads_only) compress_held(b, r, 1);
     }
+}
+
+/* Of the split form: corrections, columns of fixed nodes, and reactions to gravity alone, since those
+ * to loads follow by reciprocity. */
+static split_data split_blocks(builder *b, const split_body *body) {
+    const greens *g = b->g;
+    const size_t gravity = 3 * (size_t)g->nodes;
+    split_data d = split_build(body, &b->compress);
+    keep_columns(b, PALP_FREE, PALP_FREE, d.columns);
+    if (!g->reactions) return d;
+    gf_source all = {
+        .m = g->m, .width = g->width, .first = &gravity, .columns = g->gravity ? 1u : 0u};
+    keep_columns(b, PALP_FIXED, PALP_FREE,
+                 columns_build(&all, &b->d->domain[PALP_FIXED], b->area, b->compress));
+    compress_held(b, PALP_FREE, SPLIT_FREE_ROWS);
+    compress_held(b, PALP_FIXED, SPLIT_FIXED_ROWS);
+    return d;
 }
 
 /* The columns of `level`, [3 nodes][3 n_level], from those of the constraint level. */
@@ -212,7 +244,7 @@ static void stiffness_range(const builder *b, double (*normal)[3], palp_meta *me
 static uint32_t longest_row(const palp_blob *blob) {
     const palp_domain *d = &blob->domain[PALP_FREE];
     uint32_t level = blob->meta->constraint_level, longest = blob->meta->max_row;
-    if (blob->level[level].table != NULL || level + 1 == d->levels) return longest;
+    if (level + 1 == d->levels) return longest;
     palp_row_scratch scratch = {allocate(d->slots, sizeof(float)),
                                 allocate((d->slots + 31) / 32, sizeof(uint32_t))};
     palp_row row = {.index = allocate(d->slots, sizeof(uint16_t)),
@@ -270,6 +302,39 @@ static const float *measure_levels(const palp_blob *blob, uint32_t presses, buil
     return out->levels.count > 0 ? error[0] : NULL;
 }
 
+/* Bytes of the free-free block, in blocks of floats. */
+static uint64_t stored_blocks(const builder *b, const regular_data *regular) {
+    const columns_data *c = &b->columns[PALP_FREE][PALP_FREE];
+    if (!b->o->split) return c->blocks;
+    const uint32_t slots = b->d->domain[PALP_FREE].view.slots;
+    const uint64_t group = PALP_GROUP_VALUES * (c->half != NULL ? 2u : 4u) + PALP_LANES * 2u;
+    const uint64_t bytes =
+        6 * (uint64_t)slots * regular->modes + group * c->offset[slots] + 8 * (uint64_t)slots;
+    return (bytes + 35) / 36;
+}
+
+/* Flags, counts and errors of what is stored. */
+static void describe(const builder *b, const regular_data *regular, palp_meta *meta) {
+    const build_options *o = b->o;
+    const greens *g = b->g;
+    const columns_data *main_block = &b->columns[PALP_FREE][PALP_FREE];
+    const bool held = g->reactions && g->basis_count == 0 && !o->loads_only;
+    meta->flags = (o->wavelet.lifted ? PALP_META_LIFTED : 0) | (o->raw ? 0 : PALP_META_SYMMETRIC) |
+                  (g->gravity ? PALP_META_GRAVITY : 0) | (o->compress.half ? PALP_META_HALF : 0) |
+                  (o->wavelet.kind == WAVELET_BUTTERFLY ? PALP_META_BUTTERFLY : 0) |
+                  (g->scalar ? PALP_META_SCALAR : 0) | (g->reactions ? PALP_META_REACTIONS : 0) |
+                  (held ? PALP_META_FIXED_COLUMNS : 0) | (o->split ? PALP_META_SPLIT : 0);
+    meta->constraint_level = b->level;
+    meta->free_blocks = stored_blocks(b, regular);
+    meta->max_groups = main_block->max_groups;
+    for (uint32_t l = 0; l < b->level; l++) {
+        if (b->coarse[l].max_groups > meta->max_groups) meta->max_groups = b->coarse[l].max_groups;
+    }
+    meta->epsilon = (float)o->compress.epsilon;
+    meta->rms_error = (float)main_block->rms;
+    meta->max_error = (float)main_block->max;
+}
+
 built blob_build(const mesh *m, const greens *g, const domains *d, const double *area,
                  double (*normal)[3], palp_meta meta, const build_options *options) {
     builder b = {.g = g, .d = d, .area = area, .o = options, .level = options->constraint_level};
@@ -287,45 +352,33 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
     out_meta->reciprocity_residual = (float)g->reciprocity_residual;
     out_meta->equilibrium_residual = (float)g->equilibrium_residual;
     list_columns(&b);
-    compress_blocks(&b);
-    build_levels(&b);
-    const columns_data *main_block = &b.columns[PALP_FREE][PALP_FREE];
-    out_meta->flags =
-        (options->wavelet.lifted ? PALP_META_LIFTED : 0) |
-        (options->raw ? 0 : PALP_META_SYMMETRIC) | (g->gravity ? PALP_META_GRAVITY : 0) |
-        (options->compress.half ? PALP_META_HALF : 0) |
-        (options->wavelet.kind == WAVELET_BUTTERFLY ? PALP_META_BUTTERFLY : 0) |
-        (g->scalar ? PALP_META_SCALAR : 0) | (g->reactions ? PALP_META_REACTIONS : 0) |
-        (g->reactions && g->basis_count == 0 && !options->loads_only ? PALP_META_FIXED_COLUMNS : 0);
-    out_meta->constraint_level = b.level;
-    out_meta->free_blocks = main_block->blocks;
-    out_meta->max_groups = main_block->max_groups;
-    for (uint32_t l = 0; l < b.level; l++) {
-        if (b.coarse[l].max_groups > out_meta->max_groups)
-            out_meta->max_groups = b.coarse[l].max_groups;
-    }
-    out_meta->epsilon = (float)options->compress.epsilon;
-    out_meta->rms_error = (float)main_block->rms;
-    out_meta->max_error = (float)main_block->max;
     stiffness_range(&b, normal, out_meta);
     built out = {.bytes = NULL};
-    float *regularisation = NULL;
     regular_data regular =
         options->regular != NULL ? *options->regular : build_regular(&b, normal, out_meta);
     b.content.regular = regular.modes > 0 ? &regular : NULL;
     out.left_over = regular.left_over;
+    if (options->split) {
+        const split_body body = {.m = m,
+                                 .normal = normal,
+                                 .material = {(double)meta.young_Pa, (double)meta.poisson},
+                                 .g = g,
+                                 .free = &d->domain[PALP_FREE].view,
+                                 .regular = &regular};
+        const split_data split = split_blocks(&b, &body);
+        out.worst_column = split.worst_column;
+        out.worst_own = split.worst_own;
+    } else {
+        compress_blocks(&b);
+        build_levels(&b);
+    }
+    describe(&b, &regular, out_meta);
     palp_blob blob = reopen(&b, &out);
     b.content.max_row = longest_row(&blob);
-    if (!options->raw && !g->scalar && b.table[b.level] == NULL) {
-        regularisation = allocate(m->vertices, sizeof *regularisation);
-        out.regularised = regularise(&blob, regularisation).largest;
-        b.content.regularisation = regularisation;
-    }
     float level_error[PALP_LEVEL_ERRORS][2];
     if (blob.regular.modes > 0 && options->presses > 0)
         b.content.level_error = measure_levels(&blob, options->presses, &out, level_error);
     (void)reopen(&b, &out);
-    free(regularisation);
     if (options->regular == NULL) regular_free(&regular);
     for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++)
         columns_free(&b.columns[k / PALP_DOMAINS][k % PALP_DOMAINS]);

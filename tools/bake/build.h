@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* From dense Green's functions to the finished bytes of a blob: domains, compressed columns of
- * every constraint level, tables, regularisation. */
+/* From dense Green's functions to the finished bytes of a blob: domains, and either compressed
+ * columns of every constraint level with tables, or the split form (core/green/split.h). */
 #ifndef PALP_TOOLS_BUILD_H
 #define PALP_TOOLS_BUILD_H
 
@@ -14,6 +14,7 @@ typedef struct {
     compress_options compress;
     double table_bytes;          /* most that the dense tables of all levels may take together */
     bool raw;                    /* reciprocity not enforced */
+    bool split;                  /* split form; needs modes, nodes as columns, linear wavelets */
     bool loads_only;             /* no columns of fixed nodes */
     const detail_data *detail;   /* display surface; NULL: none */
     uint32_t constraint_level;   /* finest level whose columns are stored */
@@ -29,9 +30,9 @@ typedef struct {
     uint8_t *bytes;
     size_t size;
     palp_meta meta;
-    double regularised;  /* largest regularisation over a node's own compliance */
-    double left_over;    /* of regular_data */
-    press_errors levels; /* of contact; count 0: not measured */
+    double left_over;               /* of regular_data */
+    double worst_column, worst_own; /* of split_data */
+    press_errors levels;            /* of contact; count 0: not measured */
 } built;
 
 /* The wavelet domains of a mesh. */

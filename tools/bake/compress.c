@@ -10,16 +10,6 @@
 
 #define LANES PALP_FIELD_LANES
 
-/* The stored part of one block column. */
-typedef struct {
-    uint32_t count;
-    uint16_t *index;
-    float scale; /* blocks hold value / scale */
-    float (*block)[9];
-    double error2, norm2,
-        worst; /* squared Frobenius sums; largest block error over largest block */
-} stored_column;
-
 typedef struct {
     const gf_source *source;
     const domain_data *row;
@@ -143,9 +133,11 @@ static void compress_column(void *context, size_t j) {
     threshold(c, field, &c->out[j]);
     measure(c, c->source->first[j], field, &c->out[j]);
     free(field);
-    if (c->options.measure_only) {
+    if (c->options.measure_only) { /* they would be many */
         free(c->out[j].index);
         free(c->out[j].block);
+        c->out[j].index = NULL;
+        c->out[j].block = NULL;
     }
     progress_add(1);
 }
@@ -175,7 +167,7 @@ static double common_amplitude(compression *c) {
     return sqrt(sum / c->source->counted);
 }
 
-static void pack_columns(columns_data *d, compression *c, bool half) {
+static void fill_columns(columns_data *d, const stored_column *column, bool half) {
     uint32_t n = d->view.columns;
     size_t groups = d->offset[n];
     d->index = allocate(groups * PALP_LANES, sizeof *d->index);
@@ -187,18 +179,40 @@ static void pack_columns(columns_data *d, compression *c, bool half) {
     d->view.value = d->value;
     d->view.half = d->half;
     d->view.scale = d->scale;
-    for (uint32_t j = 0; j < n; j++) {
-        pack_column(d, j, &c->out[j], half);
-        free(c->out[j].index);
-        free(c->out[j].block);
+    for (uint32_t j = 0; j < n; j++) pack_column(d, j, &column[j], half);
+}
+
+columns_data columns_pack(stored_column *column, uint32_t columns, uint32_t counted, uint32_t rows,
+                          const compress_options *options) {
+    columns_data d = {.view.columns = columns, .view.rows = rows};
+    d.view.entries = options->scalar ? 1 : 9;
+    d.offset = allocate(columns + 1u, sizeof *d.offset);
+    d.scale = allocate(columns, sizeof *d.scale);
+    double error2 = 0, norm2 = 0;
+    for (uint32_t j = 0; j < columns; j++) {
+        const stored_column *s = &column[j];
+        uint32_t groups = (s->count + PALP_LANES - 1) / PALP_LANES;
+        d.offset[j + 1] = d.offset[j] + groups;
+        d.scale[j] = s->scale;
+        if (j >= counted) continue;
+        d.blocks += s->count;
+        if (groups > d.max_groups) d.max_groups = groups;
+        error2 += s->error2;
+        norm2 += s->norm2;
+        d.max = fmax(d.max, s->worst);
     }
+    d.rms = norm2 > 0 ? sqrt(error2 / norm2) : 0;
+    if (!options->measure_only) fill_columns(&d, column, options->half);
+    for (uint32_t j = 0; j < columns; j++) {
+        free(column[j].index);
+        free(column[j].block);
+    }
+    return d;
 }
 
 columns_data columns_build(const gf_source *source, const domain_data *row, const double *area,
                            compress_options options) {
     uint32_t n = source->columns;
-    columns_data d = {.view.columns = n, .view.rows = row->view.slots};
-    d.view.entries = options.scalar ? 1 : 9;
     compression c = {.source = source,
                      .row = row,
                      .area = area,
@@ -208,23 +222,7 @@ columns_data columns_build(const gf_source *source, const domain_data *row, cons
     progress_begin("wavelet compression", n);
     parallel_for(n, compress_column, &c);
     progress_end();
-    d.offset = allocate(n + 1u, sizeof *d.offset);
-    d.scale = allocate(n, sizeof *d.scale);
-    double error2 = 0, norm2 = 0;
-    for (uint32_t j = 0; j < n; j++) {
-        const stored_column *s = &c.out[j];
-        uint32_t groups = (s->count + PALP_LANES - 1) / PALP_LANES;
-        d.offset[j + 1] = d.offset[j] + groups;
-        d.scale[j] = s->scale;
-        if (j >= source->counted) continue;
-        d.blocks += s->count;
-        if (groups > d.max_groups) d.max_groups = groups;
-        error2 += s->error2;
-        norm2 += s->norm2;
-        d.max = fmax(d.max, s->worst);
-    }
-    d.rms = norm2 > 0 ? sqrt(error2 / norm2) : 0;
-    if (!options.measure_only) pack_columns(&d, &c, options.half);
+    columns_data d = columns_pack(c.out, n, source->counted, row->view.slots, &options);
     free(c.out);
     return d;
 }

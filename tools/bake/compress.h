@@ -33,6 +33,16 @@ typedef struct {
     bool scalar;       /* store the first entry of each block only */
 } compress_options;
 
+/* The stored part of one block column, rows ascending. */
+typedef struct {
+    uint32_t count;
+    uint16_t *index;
+    float scale; /* blocks hold value / scale */
+    float (*block)[9];
+    double error2, norm2,
+        worst; /* squared Frobenius sums; largest block error over largest block */
+} stored_column;
+
 typedef struct {
     palp_columns view;
     uint32_t *offset;
@@ -47,6 +57,11 @@ typedef struct {
  * the nodes then, NULL for the free domain. */
 columns_data columns_build(const gf_source *source, const domain_data *row, const double *area,
                            compress_options options);
+
+/* Columns with these blocks, their errors and counts those of the first `counted`; what the columns own
+ * is freed. */
+columns_data columns_pack(stored_column *column, uint32_t columns, uint32_t counted, uint32_t rows,
+                          const compress_options *options);
 void columns_free(columns_data *d);
 
 #endif

@@ -158,6 +158,19 @@ static void add_hats(const half_space *s, uint32_t k, uint32_t l, const double n
     }
 }
 
+static double factor_of(half_space_material material) {
+    return (1 + material.poisson) / (acos(-1.0) * material.young_Pa);
+}
+
+void half_space_point(const double x[3], const double y[3], const double normal_x[3],
+                      const double normal_y[3], half_space_material material, double block[9]) {
+    double r[3], n[3];
+    v_sub(x, y, r);
+    for (int a = 0; a < 3; a++) n[a] = 0.5 * (normal_x[a] + normal_y[a]);
+    memset(block, 0, 9 * sizeof *block);
+    add_kernel(block, factor_of(material), r, n, material.poisson);
+}
+
 void half_space_block(const half_space *s, half_space_material material, uint32_t k, uint32_t l,
                       double block[9]) {
     double r[3], n[3], back[9] = {0};
@@ -173,6 +186,5 @@ void half_space_block(const half_space *s, half_space_material material, uint32_
         add_node(s, l, k, n, material.poisson, back);
         for (size_t e = 0; e < 9; e++) block[e] = 0.5 * (block[e] + back[3 * (e % 3) + e / 3]);
     }
-    double factor = (1 + material.poisson) / (acos(-1.0) * material.young_Pa);
-    for (int e = 0; e < 9; e++) block[e] *= factor;
+    for (int e = 0; e < 9; e++) block[e] *= factor_of(material);
 }

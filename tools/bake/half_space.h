@@ -28,4 +28,8 @@ void half_space_free(half_space *h);
 void half_space_block(const half_space *h, half_space_material material, uint32_t k, uint32_t l,
                       double block[9]);
 
+/* The same from point to point, B(x - y); x and y apart. */
+void half_space_point(const double x[3], const double y[3], const double normal_x[3],
+                      const double normal_y[3], half_space_material material, double block[9]);
+
 #endif

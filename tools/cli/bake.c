@@ -38,6 +38,13 @@ static const char help[] =
     "always)\n"
     "  --method galerkin|collocation   boundary elements: symmetric by construction (default),\n"
     "                          or the paper's, repaired where it is not\n"
+    "  --form split|wavelet    how Green's functions are stored: half-space, modes and what they "
+    "miss\n"
+    "                          (default, an eighth of the bytes), or the paper's columns (with "
+    "--wavelet,\n"
+    "                          --unlifted, --threshold, --constraint-level, --reciprocity raw, "
+    "--epsilon 0;\n"
+    "                          zones always)\n"
     "  --epsilon E             relative threshold, 0 <= E < 1 (default 0.05; 0 keeps everything)\n"
     "  --threshold column|global   relative to the largest block of each column (the paper's "
     "rule),\n"
@@ -48,12 +55,13 @@ static const char help[] =
     "  --detail MESH           a finer mesh of the same body to show: a displaced subdivision "
     "surface\n"
     "  --detail-levels K       Loop steps of that surface, 1 to 3 (default 1)\n"
-    "  --table-mb M            most megabytes of dense compliance tables, coarse levels first "
-    "(default 8; of each zone 64)\n"
+    "  --table-mb M            most megabytes of the paper's dense compliance tables, coarse "
+    "levels "
+    "first (default 0)\n"
     "  --modes N               modes of the regular part that contact uses, 0 to 128 (default "
     "56);\n"
     "                          0: a body that cannot be touched\n"
-    "  --storage f32|f16       how columns are stored (default f32)\n"
+    "  --storage f32|f16       how columns are stored (default f16 in split form, else f32)\n"
     "  --reciprocity enforce|raw   raw keeps the unsymmetric collocation result (study only)\n"
     "  --compliance FILE.npy   use this compliance matrix (m/N) in place of the solver\n"
     "  --save-mesh OUT.obj     write the mesh that is baked\n"
@@ -78,9 +86,9 @@ static const char help[] =
 
 #define BAKE_OPTIONS                                                                               \
     BODY_OPTIONS, TET_OPTIONS, {"-o", 1}, {"--each", 0}, {"--wavelet", 1}, {"--unlifted", 0},      \
-        {"--epsilon", 1}, {"--threshold", 1}, {"--table-mb", 1}, {"--constraint-level", 1},        \
-        {"--storage", 1}, {"--reciprocity", 1}, {"--save-mesh", 1}, {"--detail", 1},               \
-        {"--modes", 1}, {                                                                          \
+        {"--form", 1}, {"--epsilon", 1}, {"--threshold", 1}, {"--table-mb", 1},                    \
+        {"--constraint-level", 1}, {"--storage", 1}, {"--reciprocity", 1}, {"--save-mesh", 1},     \
+        {"--detail", 1}, {"--modes", 1}, {                                                         \
         "--detail-levels", 1                                                                       \
     }
 
@@ -92,7 +100,9 @@ typedef struct {
     zone_model zones;
     tet_model tets;
     const char *input, *output, *save_mesh, *detail;
-    bool each, half, raw, level_chosen, in_file, table_given;
+    bool each, half, storage_given, raw, level_chosen, in_file;
+    enum { FORM_OF_OPTIONS, FORM_SPLIT, FORM_WAVELET } form;
+    const char *wavelet_option; /* one that only the paper's columns have; NULL: none was given */
     uint32_t constraint_level, detail_levels, modes;
     double epsilon, table_mb;
     wavelet wavelet;
@@ -106,13 +116,27 @@ static bool take_body_option(bake_spec *s, const argument *a) {
     return body_option(&s->body, a);
 }
 
+/* Options that only the paper's columns have. */
+static bool is_of_wavelets(const argument *a) {
+    static const char *const names[] = {"--wavelet", "--unlifted", "--threshold",
+                                        "--constraint-level", NULL};
+    if (a->option == NULL) return false;
+    for (size_t i = 0; names[i] != NULL; i++) {
+        if (strcmp(a->option, names[i]) == 0) return true;
+    }
+    return (strcmp(a->option, "--reciprocity") == 0 && strcmp(a->value[0], "raw") == 0) ||
+           (strcmp(a->option, "--table-mb") == 0 && strcmp(a->value[0], "0") != 0);
+}
+
 static void set_option(void *context, const argument *a) {
+    static const char *const forms[] = {"split", "wavelet", NULL};
     static const char *const wavelets[] = {"linear", "butterfly", NULL};
     static const char *const rules[] = {"column", "global", NULL};
     static const char *const storages[] = {"f32", "f16", NULL};
     static const char *const reciprocities[] = {"enforce", "raw", NULL};
     bake_spec *s = context;
     const char *o = a->option;
+    if (is_of_wavelets(a)) s->wavelet_option = o;
     if (o == NULL) {
         if (s->input != NULL) die(EXIT_USAGE, "one input mesh, not also '%s'", a->value[0]);
         s->input = a->value[0];
@@ -123,6 +147,8 @@ static void set_option(void *context, const argument *a) {
         s->output = a->value[0];
     } else if (strcmp(o, "--each") == 0) {
         s->each = true;
+    } else if (strcmp(o, "--form") == 0) {
+        s->form = arg_word(a, forms) == 0 ? FORM_SPLIT : FORM_WAVELET;
     } else if (strcmp(o, "--wavelet") == 0) {
         s->wavelet.kind = arg_word(a, wavelets) == 1 ? WAVELET_BUTTERFLY : WAVELET_LINEAR;
     } else if (strcmp(o, "--unlifted") == 0) {
@@ -131,7 +157,6 @@ static void set_option(void *context, const argument *a) {
         s->rule = arg_word(a, rules) == 1 ? THRESHOLD_GLOBAL : THRESHOLD_COLUMN;
     } else if (strcmp(o, "--table-mb") == 0) {
         s->table_mb = arg_double(a, 0);
-        s->table_given = true;
         if (!(s->table_mb >= 0 && s->table_mb <= 4000)) {
             die(EXIT_USAGE, "%s: %s is out of range: need 0 to 4000", a->where, a->value[0]);
         }
@@ -152,6 +177,7 @@ static void set_option(void *context, const argument *a) {
         s->modes = (s->modes + PALP_MODE_LANES - 1) / PALP_MODE_LANES * PALP_MODE_LANES;
     } else if (strcmp(o, "--storage") == 0) {
         s->half = arg_word(a, storages) == 1;
+        s->storage_given = true;
     } else if (strcmp(o, "--reciprocity") == 0) {
         s->raw = arg_word(a, reciprocities) == 1;
     } else if (strcmp(o, "--save-mesh") == 0) {
@@ -165,7 +191,6 @@ static bake_spec read_spec(int argc, char **argv) {
                                 .epsilon = 0.05,
                                 .detail_levels = 1,
                                 .modes = BUILD_MODES,
-                                .table_mb = 8,
                                 .wavelet = {.kind = WAVELET_LINEAR, .lifted = true}};
     bake_spec s = defaults;
     args_parse(argc, argv, options, help, set_option, &s);
@@ -201,12 +226,18 @@ static uint32_t choose_constraint_level(const bake_spec *s, const mesh *m, const
     return level;
 }
 
-static void report_regularisation(const built *b, double epsilon) {
-    if (!(b->regularised > 0)) return;
-    fprintf(stderr,
-            "contact regularised by up to %.2g of a node's own compliance, to "
-            "stay passive on thin parts at epsilon %g%s\n",
-            b->regularised, epsilon, b->regularised > 0.5 ? ": a smaller --epsilon lowers it" : "");
+/* How a body's Green's functions are stored, when that was left to the other options. */
+static void choose_form(bake_spec *s) {
+    const char *only = s->wavelet_option;
+    if (!(s->epsilon > 0)) only = "--epsilon 0";
+    if (s->modes == 0) only = "--modes 0";
+    if (s->form == FORM_SPLIT && only != NULL)
+        die(EXIT_USAGE,
+            "--form split cannot be had with %s, which is for the paper's columns: leave one of "
+            "both out",
+            only);
+    if (s->form == FORM_OF_OPTIONS) s->form = only != NULL ? FORM_WAVELET : FORM_SPLIT;
+    if (!s->storage_given) s->half = s->form == FORM_SPLIT;
 }
 
 /* Most memory that the process has had, in bytes. */
@@ -231,9 +262,12 @@ static void report(FILE *f, const built *b, const detail_data *detail, double se
     if ((m->flags & PALP_META_REACTIONS) != 0) {
         fprintf(f, "equilibrium residual  %.4f %%\n", 100 * (double)m->equilibrium_residual);
     }
-    fprintf(f, "compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f\n",
+    fprintf(f, "compression           %.2f at epsilon %g: RMS %.5f, MAX %.5f",
             rows * columns / (double)m->free_blocks, (double)m->epsilon, (double)m->rms_error,
             (double)m->max_error);
+    if ((m->flags & PALP_META_SPLIT) != 0)
+        fprintf(f, "; worst column %.5f, worst own block %.5f", b->worst_column, b->worst_own);
+    fprintf(f, "\n");
     fprintf(f, "node stiffness        %.4g to %.4g N/m\n", (double)m->stiffness_min_N_per_m,
             (double)m->stiffness_max_N_per_m);
     fprintf(f, "constraint levels    ");
@@ -283,7 +317,7 @@ static int bake_zones(bake_spec *s, output *out, double start) {
     FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
     build_options build = {.wavelet = s->wavelet,
                            .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
-                           .table_bytes = (s->table_given ? s->table_mb : 64) * 1e6,
+                           .table_bytes = s->table_mb * 1e6,
                            .modes = s->modes,
                            .presses = BUILD_PRESSES};
     if (s->raw || s->detail != NULL || s->level_chosen)
@@ -324,10 +358,12 @@ static void bake_body(bake_spec *s, const char *path, output *out, double start)
     double *area = allocate(m.vertices, sizeof *area);
     double(*normal)[3] = allocate(m.vertices, sizeof *normal);
     mesh_nodal(&m, area, normal);
+    choose_form(s);
     build_options build = {.wavelet = s->wavelet,
                            .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
                            .table_bytes = s->table_mb * 1e6,
                            .raw = s->raw,
+                           .split = s->form == FORM_SPLIT,
                            .modes = s->modes,
                            .presses = BUILD_PRESSES};
     domains d = domains_build(&m, fixed, area, build.wavelet);
@@ -342,7 +378,6 @@ static void bake_body(bake_spec *s, const char *path, output *out, double start)
     }
     greens g = body_greens(&s->body, &m, fixed, &d, build.constraint_level, s->raw);
     built b = blob_build(&m, &g, &d, area, normal, describe(s), &build);
-    report_regularisation(&b, s->epsilon);
     if (fwrite(b.bytes, 1, b.size, out->file) != b.size) die(EXIT_WORK, "cannot write %s", path);
     commit_output(out);
     double size[3];

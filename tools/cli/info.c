@@ -44,9 +44,11 @@ static void set_option(void *context, const argument *a) {
 
 static uint64_t level_blocks(const palp_blob *b, uint32_t level) {
     const palp_columns *c = &b->level[level].columns;
-    if (level == b->meta->constraint_level) return b->meta->free_blocks;
+    if (level == b->meta->constraint_level && !palp_blob_has(b, PALP_META_SPLIT))
+        return b->meta->free_blocks;
     uint64_t blocks = 0;
-    for (uint32_t j = 0; j < b->level[level].nodes; j++) blocks += palp_columns_stored(c, j);
+    for (uint32_t j = 0; j < b->level[level].nodes && c->columns > 0; j++)
+        blocks += palp_columns_stored(c, j);
     return blocks;
 }
 
@@ -57,6 +59,10 @@ static uint64_t table_bytes(const palp_blob *b, uint32_t level) {
 
 static const char *wavelet_name(const palp_blob *b) {
     return palp_blob_has(b, PALP_META_BUTTERFLY) ? "butterfly" : "linear";
+}
+
+static const char *form_name(const palp_blob *b) {
+    return palp_blob_has(b, PALP_META_SPLIT) ? "split" : "wavelet";
 }
 
 /* Of the box around it (m). */
@@ -84,8 +90,9 @@ static void print_json(const palp_blob *b, const char *sha, double dense_bytes,
     printf(" \"size_m\": [%.6g, %.6g, %.6g],\n", size[0], size[1], size[2]);
     printf(" \"young_pa\": %.9g, \"poisson\": %.9g, \"density_kg_m3\": %.9g, \"epsilon\": %.9g,\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3, (double)m->epsilon);
-    printf(" \"wavelet\": \"%s\", \"lifted\": %s, \"storage\": \"%s\", \"reciprocity\": \"%s\",\n",
-           wavelet_name(b), palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
+    printf(" \"form\": \"%s\", \"wavelet\": \"%s\", \"lifted\": %s, \"storage\": \"%s\", "
+           "\"reciprocity\": \"%s\",\n",
+           form_name(b), wavelet_name(b), palp_blob_has(b, PALP_META_LIFTED) ? "true" : "false",
            palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32",
            palp_blob_has(b, PALP_META_SYMMETRIC) ? "enforce" : "raw");
     printf(" \"bytes\": %zu, \"dense_bytes\": %.0f, \"compression\": %.9g,\n", b->bytes,
@@ -130,12 +137,20 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
     }
     printf("\nmaterial              Young %.9g Pa, Poisson %.4g, density %.9g kg/m3\n",
            (double)m->young_Pa, (double)m->poisson, (double)m->density_kg_m3);
-    printf("wavelet               %s %s, epsilon %g, %s storage\n", wavelet_name(b),
+    printf("wavelet               %s %s, epsilon %g, %s form, %s storage\n", wavelet_name(b),
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
-           palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
-    printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
-           compression, m->free_blocks, compression * (double)m->free_blocks, (double)m->rms_error,
-           (double)m->max_error);
+           form_name(b), palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
+    if (palp_blob_has(b, PALP_META_SPLIT)) {
+        printf("compression           %.2f (%" PRIu32
+               " modes and %.1f corrections a node), RMS %.5f, MAX %.5f\n",
+               compression, m->modes,
+               (double)level_blocks(b, m->constraint_level) / (double)m->domain_nodes[PALP_FREE],
+               (double)m->rms_error, (double)m->max_error);
+    } else {
+        printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
+               compression, m->free_blocks, compression * (double)m->free_blocks,
+               (double)m->rms_error, (double)m->max_error);
+    }
     printf("constraint levels     ");
     for (uint32_t l = 0; l <= m->constraint_level; l++) {
         printf("%s%" PRIu32 ": %" PRIu32 " nodes, %" PRIu64 " blocks", l > 0 ? "; " : "", l,

@@ -12,11 +12,10 @@
 #include "tools/cli/commands.h"
 #include "port/host/blobfile.h"
 #include "core/base/crc32c.h"
-#include "core/green/columns.h"
+#include "core/green/split.h"
 #include "tools/bake/half.h"
 #include "port/host/parallel.h"
 #include "tools/bake/rangecoder.h"
-#include "tools/bake/regularise.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -215,16 +214,11 @@ static void compare_column(void *context, size_t j) {
     for (size_t k = 0; k < 3; k++) {
         float force[3] = {0};
         force[k] = 1;
-        memset(x, 0, n * sizeof *x);
-        memset(y, 0, n * sizeof *y);
-        palp_columns_add(&c->a->columns[PALP_FREE][PALP_FREE], (uint32_t)j, force, x);
-        palp_columns_add(&c->b->columns[PALP_FREE][PALP_FREE], (uint32_t)j, force, y);
-        for (size_t i = 0; i < n; i++) y[i] -= x[i];
-        palp_wavelet_inverse(d, x, d->levels - 1);
-        palp_wavelet_inverse(d, y, d->levels - 1);
+        palp_nodal_response(c->a, (uint32_t)j, force, x);
+        palp_nodal_response(c->b, (uint32_t)j, force, y);
         for (size_t i = 0; i < n; i++) {
             c->norm2[j] += (double)x[i] * (double)x[i];
-            c->error2[j] += (double)y[i] * (double)y[i];
+            c->error2[j] += (double)(y[i] - x[i]) * (double)(y[i] - x[i]);
         }
     }
     free(x);
@@ -435,14 +429,6 @@ int command_unpack(int argc, char **argv) {
     palp_blob b;
     palp_status status = palp_blob_open(&b, blob, bytes);
     if (status != PALP_OK) refuse(s.input, palp_status_text(status));
-    int regularisation = find_section(&parts, PALP_SEC_REGULARISATION);
-    bool extracts = b.level[b.meta->constraint_level].table == NULL;
-    bool touched = !palp_blob_has(&b, PALP_META_SCALAR);
-    if (palp_blob_has(&b, PALP_META_SYMMETRIC) && extracts && touched) {
-        (void)regularise(&b, (float *)(void *)parts.data[regularisation]);
-        free(blob);
-        blob = assemble(&parts, &bytes);
-    }
     if (fwrite(blob, 1, bytes, out.file) != bytes) die(EXIT_WORK, "cannot write %s", s.output);
     commit_output(&out);
     fprintf(strcmp(s.output, "-") == 0 ? stderr : stdout, "%zu bytes to %zu\n", packed_bytes,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "tools/solver/nodal.h"
-#include "core/green/columns.h"
+#include "core/green/split.h"
 #include "tools/mesh/mesh.h"
 #include "port/host/util.h"
 #include <math.h>
@@ -46,10 +46,7 @@ static void fill_blocks(problem *p, const palp_blob *b) {
     for (uint32_t j = 0; j < p->n; j++) {
         for (uint32_t k = 0; k < 3; k++) {
             const float unit[3] = {k == 0, k == 1, k == 2};
-            memset(field, 0, (size_t)PALP_FIELD_LANES * d->slots * sizeof *field);
-            palp_columns_add(&b->columns[PALP_FREE][PALP_FREE], palp_node_slot(b, p->node[j]), unit,
-                             field);
-            palp_wavelet_inverse(d, field, d->levels - 1);
+            palp_nodal_response(b, palp_node_slot(b, p->node[j]), unit, field);
             for (uint32_t i = 0; i < p->n; i++) {
                 const float *u = field + PALP_FIELD_LANES * palp_node_slot(b, p->node[i]);
                 for (uint32_t e = 0; e < 3; e++) {

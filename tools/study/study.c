@@ -2,7 +2,7 @@
 #include "tools/study/study.h"
 #include "tools/bake/body.h"
 #include "port/host/blobfile.h"
-#include "core/green/columns.h"
+#include "core/green/split.h"
 #include "port/host/parallel.h"
 #include <errno.h>
 #include <inttypes.h>
@@ -210,9 +210,7 @@ static study_case case_of_blob(const char *path) {
     for (uint32_t j = 0; j < 3 * d->slots; j++) {
         float force[3] = {0};
         force[j % 3] = 1;
-        memset(x, 0, PALP_FIELD_LANES * (size_t)d->slots * sizeof *x);
-        palp_columns_add(&b.columns[PALP_FREE][PALP_FREE], j / 3, force, x);
-        palp_wavelet_inverse(d, x, d->levels - 1);
+        palp_nodal_response(&b, j / 3, force, x);
         for (uint32_t i = 0; i < 3 * d->slots; i++)
             greens_row(&c.g, d->node[i / 3], i % 3)[3 * d->node[j / 3] + j % 3] =
                 (double)x[PALP_FIELD_LANES * (i / 3) + i % 3];
