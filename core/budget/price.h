@@ -40,6 +40,11 @@
     X(TRANSFORM, "transform", "one level of an inverse transform begun")                           \
     X(TRANSFORM_SLOT, "transform_slot", "one slot of it")                                          \
     X(TRANSFORM_TERM, "transform_term", "one parent or child of it")                               \
+    X(SPREAD, "spread", "a force spread over a body in split form, or its modes")                  \
+    X(SPREAD_NODE, "spread_node", "one node that a force displaces")                               \
+    X(SPREAD_MODE, "spread_mode", "one mode that it loads")                                        \
+    X(FIELD_NODE, "field_node", "one node that loaded modes displace")                             \
+    X(FIELD_MODE, "field_mode", "one mode at it")                                                  \
     X(SEAM, "seam", "one seam visited")                                                            \
     X(SEAM_MODE, "seam_mode", "one unknown of a seam in a vector")                                 \
     X(SEAM_DOT, "seam_dot", "one product of a seam's row in order")                                \

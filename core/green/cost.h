@@ -28,4 +28,12 @@ float palp_cost_add(const palp_prices *price, const palp_blob *blob, uint32_t gr
  * TRANSFORM_TERM. */
 float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_t level);
 
+/* palp_split_add with a column of `groups` corrections: SPREAD + the free nodes SPREAD_NODE + the modes
+ * SPREAD_MODE + palp_cost_add. */
+float palp_cost_split_add(const palp_prices *price, const palp_blob *blob, uint32_t groups);
+
+/* palp_split_add_modes on the first `slots` slots: SPREAD + the modes SPREAD_MODE + slots (FIELD_NODE +
+ * the modes FIELD_MODE). */
+float palp_cost_split_modes(const palp_prices *price, const palp_blob *blob, uint32_t slots);
+
 #endif

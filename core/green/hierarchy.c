@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "hierarchy.h"
+#include "core/base/apart.h"
 
 float palp_child_share(const palp_blob *blob, uint32_t level, uint32_t slot, uint32_t child) {
     const palp_domain *d = &blob->domain[PALP_FREE];
@@ -33,7 +34,7 @@ static void distribute(const palp_blob *b, uint32_t level, palp_row_scratch *s) 
     }
 }
 
-static void mark_basis(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch) {
+PALP_APART static void mark_basis(const palp_blob *blob, palp_basis basis, palp_row_scratch *scratch) {
     palp_row_mark(scratch, basis.slot, 1.0f);
     for (uint32_t l = basis.level; l + 1u < blob->meta->levels; l++) distribute(blob, l, scratch);
 }

@@ -8,7 +8,7 @@ json() { $palp info "$1" --json | python3 -c "import json,sys; d=json.load(sys.s
 total() { awk -F, '/^[0-9]/{x+=$5; y+=$6; z+=$7} END{printf "%.6g %.6g %.6g", x, y, z}' "$1"; }
 have_python=$(command -v python3)
 
-bake -o full.palp && bake -o coarse.palp --constraint-level 1 && bake -o zero.palp --epsilon 0 &&
+bake -o full.palp && bake -o coarse.palp --constraint-level 1 --table-mb 8 && bake -o zero.palp --epsilon 0 &&
     bake -o zero1.palp --epsilon 0 --constraint-level 1 --reciprocity raw && bake -o zeroraw.palp --epsilon 0 --reciprocity raw
 ok $? "bakes with all levels and with coarse ones only"
 if [ -n "$have_python" ]; then
@@ -43,14 +43,25 @@ grep -q "away from its displaced" err.txt && { # only the level's own nodes
 ok $? "Green's functions of a level straight from the solver equal those by refinement"
 $palp solve full.palp --set push.csv --level 1 --pairing collocated -o out.c.csv
 ok $? "solve --pairing collocated"
-for wavelet in "--wavelet butterfly" "--wavelet butterfly --unlifted" "--unlifted" "--threshold global" "--storage f16"; do
+for wavelet in "" "--epsilon 0.01" "--form wavelet" "--wavelet butterfly" "--wavelet butterfly --unlifted" "--unlifted" "--threshold global" "--storage f16"; do
     bake -o w.palp $wavelet && $palp solve w.palp --set push.csv -o w.csv
     ok $? "bake $wavelet: $(sed -n 's/^compression *//p' log.txt)"
     paste -d, out.finest.csv w.csv | awk -F, '/^[0-9]/{d=$4-$11; if(d<0)d=-d; if(d>m)m=d} END{exit !(m<0.0015)}'
     ok $? "and answers like the uncompressed blob"
 done
-[ -n "$have_python" ] && bake -o w.palp --wavelet butterfly && [ "$(json w.palp 'd["wavelet"]')" = butterfly ]
+[ -n "$have_python" ] && bake -o w.palp --wavelet butterfly && [ "$(json w.palp 'd["wavelet"], d["form"]')" = "butterfly wavelet" ]
 ok $? "palp info names the wavelet"
+[ -n "$have_python" ] && [ "$(json full.palp 'd["form"], d["storage"], d["rms_error"] < 0.03')" = "split f16 True" ]
+ok $? "and the form, split unless an option is for the paper's columns"
+$palp bake ball.obj --as-is $held -o w2.palp --form split --unlifted > /dev/null 2> err.txt
+[ $? -eq 2 ] && grep -q -- "--unlifted" err.txt && [ ! -e w2.palp ]
+ok $? "split form with the paper's options is refused: $(cat err.txt)"
+# gravity, a fixed node displaced, another let go, in both forms
+{ echo node,kind,x,y,z; awk '/^v/{if ($4 < -0.8 && f < 2) {f++; print f==1 ? n",u,0.01,0,0.005" : n",free,,,"} else if ($4 > 0.9) print n",f,0,30,-20"; n++}' ball.obj; } >mixed.csv
+bake -o wavelet.palp --epsilon 0 && for form in wavelet full; do $palp solve $form.palp --set mixed.csv --gravity 0 1 -9.81 -o m.$form.csv || break; done
+paste -d, m.wavelet.csv m.full.csv | awk -F, '/^[0-9]/{for(k=2;k<8;k++){d=$k-$(k+7); e[k>4]+=d*d; n[k>4]+=$k*$k}}
+    END{printf "displacements within %.2g %%, forces %.2g %%", 100*sqrt(e[0]/n[0]), 100*sqrt(e[1]/n[1]); exit !(n[0]>0 && e[0]<4e-4*n[0] && e[1]<4e-4*n[1])}' >both.txt
+ok $? "a problem of every kind answered from both forms: $(cat both.txt)"
 $palp pack full.palp -o full.pack >pack.txt && $palp unpack full.pack -o back.palp >/dev/null && $palp solve back.palp --set push.csv -o p.csv
 ok $? "pack, unpack, solve: $(cat pack.txt)"
 paste -d, out.finest.csv p.csv | awk -F, '/^[0-9]/{d=$4-$11; if(d<0)d=-d; if(d>m)m=d} END{exit !(m<0.0015)}'

@@ -20,6 +20,15 @@ static float of_inverse(const palp_prices *p, const palp_blob *blob, uint32_t a,
     return palp_cost_inverse(p, blob, a);
 }
 
+static float of_split_add(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    (void)b;
+    return palp_cost_split_add(p, blob, a);
+}
+static float of_split_modes(const palp_prices *p, const palp_blob *blob, uint32_t a, uint32_t b) {
+    (void)b;
+    return palp_cost_split_modes(p, blob, a);
+}
+
 typedef struct {
     const cases *c;
     green_bound bound;
@@ -37,6 +46,23 @@ static void tell(cases *c, const char *name, uint32_t level, green_bound bound,
                  const palp_blob *blob, uint32_t a, uint32_t b, uint64_t counted) {
     const question q = {c, bound, blob, a, b};
     cases_tell(c, name, level, answer, &q, counted);
+}
+
+/* A force on slot j, and modes on the first `some` slots. */
+static void count_split(cases *c, const palp_blob *blob, uint32_t j, uint32_t some, float *field) {
+    const uint32_t level = blob->meta->constraint_level;
+    const palp_columns *columns = &blob->level[level].columns;
+    const float f[3] = {1.0f, -2.0f, 3.0f};
+    float load[PALP_MAX_MODES] = {0.0f};
+    uint64_t before = instructions();
+    palp_split_add(blob, j, f, load, field);
+    uint64_t after = instructions();
+    tell(c, "split_add", level, of_split_add, blob, columns->offset[j + 1u] - columns->offset[j], 0,
+         after - before);
+    before = instructions();
+    palp_split_add_modes(blob, load, some, field);
+    after = instructions();
+    tell(c, "split_modes", level, of_split_modes, blob, some, 0, after - before);
 }
 
 void cases_of_green(cases *c, const palp_blob *blob, uint64_t seed, uint32_t rounds) {
@@ -72,6 +98,8 @@ void cases_of_green(cases *c, const palp_blob *blob, uint64_t seed, uint32_t rou
         palp_columns_add(columns, j, v, field);
         after = instructions();
         tell(c, "add", level, of_add, blob, groups, 0, after - before);
+        if (palp_blob_has(blob, PALP_META_SPLIT))
+            count_split(c, blob, j < slots ? j : 0u, 1u + dice_below(&d, slots), field);
         uint32_t l = dice_below(&d, m->levels);
         before = instructions();
         palp_wavelet_inverse(dom, field, l);

@@ -44,8 +44,7 @@ static void set_option(void *context, const argument *a) {
 
 static uint64_t level_blocks(const palp_blob *b, uint32_t level) {
     const palp_columns *c = &b->level[level].columns;
-    if (level == b->meta->constraint_level && !palp_blob_has(b, PALP_META_SPLIT))
-        return b->meta->free_blocks;
+    if (level == b->meta->constraint_level) return b->meta->free_blocks;
     uint64_t blocks = 0;
     for (uint32_t j = 0; j < b->level[level].nodes && c->columns > 0; j++)
         blocks += palp_columns_stored(c, j);
@@ -141,10 +140,13 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
            palp_blob_has(b, PALP_META_LIFTED) ? "lifted" : "unlifted", (double)m->epsilon,
            form_name(b), palp_blob_has(b, PALP_META_HALF) ? "f16" : "f32");
     if (palp_blob_has(b, PALP_META_SPLIT)) {
+        uint64_t corrections = 0;
+        for (uint32_t j = 0; j < m->domain_nodes[PALP_FREE]; j++)
+            corrections += palp_columns_stored(&b->columns[PALP_FREE][PALP_FREE], j);
         printf("compression           %.2f (%" PRIu32
                " modes and %.1f corrections a node), RMS %.5f, MAX %.5f\n",
                compression, m->modes,
-               (double)level_blocks(b, m->constraint_level) / (double)m->domain_nodes[PALP_FREE],
+               (double)corrections / (double)m->domain_nodes[PALP_FREE],
                (double)m->rms_error, (double)m->max_error);
     } else {
         printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",

@@ -280,6 +280,15 @@ static float of_inverse(const palp_prices *price, const void *of) {
     return palp_cost_inverse(price, c->blob, c->n);
 }
 
+static float of_split_add(const palp_prices *price, const void *of) {
+    const green_case *c = of;
+    return palp_cost_split_add(price, c->blob, c->n);
+}
+static float of_split_modes(const palp_prices *price, const void *of) {
+    const green_case *c = of;
+    return palp_cost_split_modes(price, c->blob, c->n);
+}
+
 static uint32_t longest(const uint32_t *offset, uint32_t n) {
     uint32_t most = 0;
     for (uint32_t i = 0; offset != NULL && i < n; i++)
@@ -309,6 +318,13 @@ static void of_green(const palp_blob *b) {
         tell(half ? "extract_half" : "extract", "-", counts, of_extract, &c);
         c.n = c.m;
         tell(half ? "add_half" : "add", "-", counts, of_add, &c);
+        if (!palp_blob_has(b, PALP_META_SPLIT)) continue;
+        (void)snprintf(counts, sizeof counts, "slots=%u modes=%u groups=%u", d->slots,
+                       b->regular.modes, c.m);
+        tell(half ? "split_add_half" : "split_add", "-", counts, of_split_add, &c);
+        c.n = 1u + below(d->slots);
+        (void)snprintf(counts, sizeof counts, "slots=%u modes=%u", c.n, b->regular.modes);
+        tell("split_modes", "-", counts, of_split_modes, &c);
     }
     for (uint32_t l = 0; l < d->levels; l++) {
         const green_case c = {.blob = b, .n = l};

@@ -54,6 +54,9 @@ OPERATIONS.update({
     "extract_half": (Operation("palp_columns_extract"), ()),
     "add": (Operation("palp_columns_add", never=["decode"]), ()),
     "add_half": (Operation("palp_columns_add"), ()),
+    "split_add": (Operation("palp_split_add", never=["decode"]), ()),
+    "split_add_half": (Operation("palp_split_add"), ()),
+    "split_modes": (Operation("palp_split_add_modes"), ()),
     "inverse": (Operation("palp_wavelet_inverse"), ()),
     "inverse_butterfly": (Operation("palp_wavelet_inverse"), ()),
 })
