@@ -44,8 +44,8 @@ static void check_meta(palp_reader *r, const palp_meta *m) {
     palp_reader_require(r, (m->flags & (PALP_META_BUTTERFLY | PALP_META_SCALAR)) == 0u);
     palp_reader_require(r, (m->flags & PALP_META_SYMMETRIC) != 0u && m->modes > 0u);
     palp_reader_require(r, m->constraint_level + 1u == m->levels);
-    palp_reader_require(r, ((m->flags & PALP_META_FIXED_COLUMNS) != 0u) ==
-                               ((m->flags & PALP_META_REACTIONS) != 0u));
+    palp_reader_require(r,
+                        m->split_modes <= PALP_MAX_MODES && m->split_modes % PALP_MODE_LANES == 0u);
 }
 
 /* Whether a cell of the search grid lists a node that lies in it, but for rounding. */
@@ -312,6 +312,18 @@ static void read_regular(palp_reader *r, palp_blob *b) {
     v->modes = m->modes;
 }
 
+static void read_split(palp_reader *r, palp_blob *b) {
+    const palp_meta *m = b->meta;
+    palp_split_modes *v = &b->split;
+    if (!palp_blob_has(b, PALP_META_SPLIT)) return;
+    *v = (palp_split_modes){m->modes, b->regular.value, b->regular.vector};
+    if (m->split_modes == 0u) return;
+    v->count = m->split_modes;
+    v->value = palp_reader_floats(r, PALP_SEC_SPLIT_VALUE, v->count, 1);
+    v->vector = palp_reader_section(r, PALP_SEC_SPLIT_MODE, (uint64_t)m->nodes * 3u * v->count,
+                                    sizeof(int16_t));
+}
+
 palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
     palp_reader r = palp_reader_open(data, bytes);
     palp_blob b = {.bytes = bytes};
@@ -324,12 +336,17 @@ palp_status palp_blob_open(palp_blob *blob, const void *data, size_t bytes) {
     for (uint32_t row = 0; row < PALP_DOMAINS && r.status == PALP_OK; row++) {
         if (row == PALP_FIXED && !palp_blob_has(&b, PALP_META_REACTIONS)) continue;
         read_block(&r, &b, row, PALP_FREE);
-        if (!palp_blob_has(&b, PALP_META_FIXED_COLUMNS) || r.status != PALP_OK) continue;
+        /* of the split form they are the reactions too */
+        const bool reacting = row == PALP_FREE && palp_blob_has(&b, PALP_META_SPLIT) &&
+                              palp_blob_has(&b, PALP_META_REACTIONS);
+        if (r.status != PALP_OK || !(reacting || palp_blob_has(&b, PALP_META_FIXED_COLUMNS)))
+            continue;
         read_block(&r, &b, row, PALP_FIXED);
     }
     if (r.status == PALP_OK) read_levels(&r, &b);
     if (r.status == PALP_OK) read_detail(&r, &b);
     if (r.status == PALP_OK) read_regular(&r, &b);
+    if (r.status == PALP_OK) read_split(&r, &b);
     if (r.status == PALP_OK) *blob = b;
     return r.status;
 }

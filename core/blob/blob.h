@@ -94,6 +94,14 @@ typedef struct {
     const float *level_error;
 } palp_regular;
 
+/* The modes of the split form (green/split.h): those of contact, or of a zone its own, since contact
+ * has the whole model's. */
+typedef struct {
+    uint32_t count;
+    const float *value;    /* [count] m/N */
+    const int16_t *vector; /* [nodes][3][count] */
+} palp_split_modes;
+
 typedef struct {
     const palp_meta *meta;
     const float *rest_m;         /* [nodes][3] */
@@ -110,6 +118,7 @@ typedef struct {
     palp_level level[PALP_MAX_LEVELS]; /* constraint hierarchy, 0..constraint_level */
     palp_detail detail;
     palp_regular regular;
+    palp_split_modes split; /* of blobs with PALP_META_SPLIT */
     size_t bytes;
 } palp_blob;
 

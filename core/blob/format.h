@@ -97,6 +97,9 @@ typedef enum {
     PALP_SEC_NODE_TRIANGLE = 104,   /* with ACROSS: u32[nodes] one of the triangles of each node */
     PALP_SEC_LEVEL_ERROR = 105, /* f32[PALP_LEVEL_ERRORS][2]: error of the force on each level of
                                    contact against the finest, mean and worst; may be missing */
+    PALP_SEC_SPLIT_VALUE =
+        106, /* f32[split_modes] as MODE_VALUE and MODE, of the split form's own */
+    PALP_SEC_SPLIT_MODE = 107, /* i16[nodes][3][split_modes] */
     /* Constraint hierarchy of the free domain: + PALP_LEVEL_STRIDE * level. The columns of level
      * constraint_level are those of block free-free above. */
     PALP_SEC_LEVEL_OFFSET = 128, /* the four column sections, as above */
@@ -235,7 +238,7 @@ typedef struct {
     uint32_t constraint_level; /* finest level whose Green's functions are stored */
     uint32_t detail_vertices, detail_triangles; /* of the display surface; 0: none */
     uint32_t modes; /* of the regular part H, a multiple of PALP_MODE_LANES; 0: not to be touched */
-    uint8_t reserved[4];
+    uint32_t split_modes; /* of the split form's own, likewise; 0: it has those of contact */
 } palp_meta;
 
 PALP_STATIC_ASSERT(sizeof(palp_blob_header) == 64, "header layout");

@@ -57,11 +57,11 @@ float palp_cost_inverse(const palp_prices *price, const palp_blob *blob, uint32_
 
 float palp_cost_split_add(const palp_prices *price, const palp_blob *blob, uint32_t groups) {
     return PRICE(SPREAD) + (float)blob->domain[PALP_FREE].slots * PRICE(SPREAD_NODE) +
-           (float)blob->regular.modes * PRICE(SPREAD_MODE) + palp_cost_add(price, blob, groups);
+           (float)blob->split.count * PRICE(SPREAD_MODE) + palp_cost_add(price, blob, groups);
 }
 
 float palp_cost_split_modes(const palp_prices *price, const palp_blob *blob, uint32_t slots) {
-    const float modes = (float)blob->regular.modes;
+    const float modes = (float)blob->split.count;
     return PRICE(SPREAD) + modes * PRICE(SPREAD_MODE) +
            (float)slots * (PRICE(FIELD_NODE) + modes * PRICE(FIELD_MODE));
 }

@@ -12,8 +12,8 @@ static palp_vec3 normal_of(const palp_blob *b, uint32_t slot) {
     return palp_vec3_at(b->normal + 3u * (size_t)b->domain[PALP_FREE].node[slot]);
 }
 static const int16_t *modes_of(const palp_blob *b, uint32_t slot) {
-    return b->regular.vector +
-           3u * (size_t)b->domain[PALP_FREE].node[slot] * (size_t)b->regular.modes;
+    return b->split.vector +
+           3u * (size_t)b->domain[PALP_FREE].node[slot] * (size_t)b->split.count;
 }
 static float factor_of(const palp_blob *b) {
     return (1.0f + b->meta->poisson) / (PALP_PI_F * b->meta->young_Pa);
@@ -79,7 +79,7 @@ static void add_half_space(const palp_blob *b, uint32_t slot, palp_vec3 f, float
 
 void palp_split_add(const palp_blob *blob, uint32_t slot, const float force_N[3], float *load,
                     float *field) {
-    const uint32_t modes = blob->regular.modes;
+    const uint32_t modes = blob->split.count;
     const int16_t *u = modes_of(blob, slot);
     add_half_space(blob, slot, palp_scale(factor_of(blob), palp_vec3_at(force_N)), field);
     palp_columns_add(&blob->columns[PALP_FREE][PALP_FREE], slot, force_N, field);
@@ -89,9 +89,9 @@ void palp_split_add(const palp_blob *blob, uint32_t slot, const float force_N[3]
 }
 
 /* What each mode weighs: its eigenvalue, and the unit of both vectors. */
-static void weigh(const palp_regular *g, const float *load, float *weighed) {
+static void weigh(const palp_split_modes *g, const float *load, float *weighed) {
     const float unit = 1.0f / (PALP_MODE_UNIT * PALP_MODE_UNIT);
-    for (uint32_t a = 0; a < g->modes; a++) weighed[a] = g->value[a] * unit * load[a];
+    for (uint32_t a = 0; a < g->count; a++) weighed[a] = g->value[a] * unit * load[a];
 }
 
 /* sum_a u[a] v[a] over the modes, in PALP_MODE_LANES sums. */
@@ -105,9 +105,9 @@ static float along_modes(const int16_t *u, const float *v, uint32_t modes) {
 }
 
 void palp_split_add_modes(const palp_blob *blob, const float *load, uint32_t slots, float *field) {
-    const uint32_t modes = blob->regular.modes;
+    const uint32_t modes = blob->split.count;
     float weighed[PALP_MAX_MODES];
-    weigh(&blob->regular, load, weighed);
+    weigh(&blob->split, load, weighed);
     for (uint32_t i = 0; i < slots; i++) {
         const int16_t *u = modes_of(blob, i);
         for (uint32_t k = 0; k < 3u; k++)
@@ -131,7 +131,7 @@ void palp_nodal_response(const palp_blob *blob, uint32_t slot, const float force
 
 /* mode[k][a] = sum_i weight_i U_ia,k, in units */
 static void gather_modes(const palp_blob *b, const palp_row *row, float mode[3][PALP_MAX_MODES]) {
-    const uint32_t modes = b->regular.modes;
+    const uint32_t modes = b->split.count;
     for (uint32_t k = 0; k < 3u; k++) {
         for (uint32_t a = 0; a < modes; a++) mode[k][a] = 0.0f;
     }
@@ -160,14 +160,14 @@ static void add_between(const palp_blob *b, uint32_t i, uint32_t j, float weight
 
 void palp_split_between(const palp_blob *blob, const palp_row *a, const palp_row *b,
                         float block[9]) {
-    const palp_regular *g = &blob->regular;
+    const palp_split_modes *g = &blob->split;
     float left[3][PALP_MAX_MODES], right[3][PALP_MAX_MODES];
     gather_modes(blob, a, left);
     gather_modes(blob, b, right);
     for (uint32_t k = 0; k < 3u; k++) weigh(g, right[k], right[k]);
     for (uint32_t e = 0; e < 9u; e++) {
         block[e] = 0.0f;
-        for (uint32_t m = 0; m < g->modes; m++) block[e] += left[e / 3u][m] * right[e % 3u][m];
+        for (uint32_t m = 0; m < g->count; m++) block[e] += left[e / 3u][m] * right[e % 3u][m];
     }
     for (uint32_t j = 0; j < b->count; j++) {
         const float share = factor_of(blob) * b->weight[j];

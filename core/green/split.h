@@ -6,8 +6,9 @@
  *     G_ij = B(x_i - x_j) + sum_a value[a] U_ia U_ja^T + D_ij
  *
  * B is the half-space's point kernel (half_space.h; 0 for i = j), U the modes that contact works
- * with (blob.h), and D, stored for few pairs, what both miss: every node's own block, and pairs
- * for which the miss exceeds epsilon times the geometric mean of both own blocks. D stands in
+ * with, of a zone its own (blob.h), and D, stored for few pairs, what both miss: every node's own block, and pairs
+ * for which the miss exceeds epsilon (or a half, a quarter .. of it, so that the RMS error is at most
+ * 0.4 epsilon) times the geometric mean of both own blocks. D stands in
  * columns[PALP_FREE][PALP_FREE], by nodes, not transformed; its last column is the response to
  * gravity, whole.
  *

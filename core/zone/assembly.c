@@ -61,7 +61,8 @@ static void find_gravity_response(palp_assembly *a, uint32_t zone) {
                                 axis == 2u ? 1.0f : 0.0f};
         for (uint32_t i = 0; i < PALP_FIELD_LANES * slots; i++) a->field[i] = 0.0f;
         palp_columns_add(c, c->columns - 1u, along, a->field);
-        palp_wavelet_inverse(&b->domain[PALP_FREE], a->field, b->meta->levels - 1u);
+        if (!palp_blob_has(b, PALP_META_SPLIT))
+            palp_wavelet_inverse(&b->domain[PALP_FREE], a->field, b->meta->levels - 1u);
         for (uint32_t i = 0; i < slots; i++) {
             for (uint32_t k = 0; k < 3; k++)
                 a->gravity_response[zone][9u * i + 3u * k + axis] =

@@ -227,6 +227,12 @@ uint8_t *blob_serialize(blob_content *c, size_t *bytes) {
     add_detail(&l, c->detail, m->vertices);
     add_regular(&l, c->regular, c->level_error, m);
     meta->modes = c->regular != NULL ? c->regular->modes : 0;
+    meta->split_modes = c->split != NULL ? c->split->modes : 0;
+    if (c->split != NULL) {
+        section_add(&l, PALP_SEC_SPLIT_VALUE, c->split->value, c->split->modes, 4);
+        section_add(&l, PALP_SEC_SPLIT_MODE, c->split->vector,
+                    3 * (uint64_t)m->vertices * c->split->modes, 2);
+    }
     meta->detail_vertices = c->detail != NULL ? c->detail->vertices : 0;
     meta->detail_triangles = c->detail != NULL ? c->detail->triangles : 0;
     section_add(&l, PALP_SEC_TRIANGLE, m->t, m->triangles, 12);

@@ -22,6 +22,7 @@ typedef struct {
     const detail_data *detail;                   /* NULL: none */
     const float *level_error;                    /* [PALP_LEVEL_ERRORS][2]; NULL: none */
     const regular_data *regular;                 /* NULL: none */
+    const regular_data *split;                   /* the split form's own modes; NULL: none */
     uint32_t max_row;                            /* at least; 0: that of the domains */
     palp_meta meta; /* material, options, errors; counts and grid are filled in here */
     const domain_data *domain[PALP_DOMAINS];

@@ -110,7 +110,7 @@ static split_data split_blocks(builder *b, const split_body *body) {
     keep_columns(b, PALP_FIXED, PALP_FREE,
                  columns_build(&all, &b->d->domain[PALP_FIXED], b->area, b->compress));
     compress_held(b, PALP_FREE, SPLIT_FREE_ROWS);
-    compress_held(b, PALP_FIXED, SPLIT_FIXED_ROWS);
+    if (!b->o->loads_only) compress_held(b, PALP_FIXED, SPLIT_FIXED_ROWS);
     return d;
 }
 
@@ -358,13 +358,16 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         options->regular != NULL ? *options->regular : build_regular(&b, normal, out_meta);
     b.content.regular = regular.modes > 0 ? &regular : NULL;
     out.left_over = regular.left_over;
+    regular_data own = {.modes = 0};
     if (options->split) {
+        if (options->regular != NULL) own = build_regular(&b, normal, out_meta);
+        if (own.modes > 0) b.content.split = &own;
         const split_body body = {.m = m,
                                  .normal = normal,
                                  .material = {(double)meta.young_Pa, (double)meta.poisson},
                                  .g = g,
                                  .free = &d->domain[PALP_FREE].view,
-                                 .regular = &regular};
+                                 .regular = own.modes > 0 ? &own : &regular};
         const split_data split = split_blocks(&b, &body);
         out.worst_column = split.worst_column;
         out.worst_own = split.worst_own;
@@ -372,7 +375,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         compress_blocks(&b);
         build_levels(&b);
     }
-    describe(&b, &regular, out_meta);
+    describe(&b, own.modes > 0 ? &own : &regular, out_meta);
     palp_blob blob = reopen(&b, &out);
     b.content.max_row = longest_row(&blob);
     float level_error[PALP_LEVEL_ERRORS][2];
@@ -380,6 +383,7 @@ built blob_build(const mesh *m, const greens *g, const domains *d, const double 
         b.content.level_error = measure_levels(&blob, options->presses, &out, level_error);
     (void)reopen(&b, &out);
     if (options->regular == NULL) regular_free(&regular);
+    regular_free(&own);
     for (uint32_t k = 0; k < PALP_DOMAINS * PALP_DOMAINS; k++)
         columns_free(&b.columns[k / PALP_DOMAINS][k % PALP_DOMAINS]);
     for (uint32_t l = 0; l < PALP_MAX_LEVELS; l++) {

@@ -7,12 +7,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define RMS_SHARE 0.4 /* of epsilon: about what wavelet columns have */
+#define HALVINGS 8
+
 typedef struct {
     const split_body *body;
     const compress_options *options;
     size_t modes;
     double *left, *right; /* [slots][3][modes] U, and S U */
     double *own;          /* [slots] norms of the nodes' own blocks */
+    double limit2; /* squared: of a miss that is not stored, over the mean of both own blocks */
+    double *norm2; /* [slots] of whole columns */
+    double (
+        *left2)[HALVINGS]; /* [slots] of what a column would miss with epsilon halved so often */
     stored_column *out;
     double *own_error; /* [slots] of them, squared */
 } corrections;
@@ -55,9 +62,9 @@ static void missed_block(const corrections *c, size_t i, size_t j, const double 
     }
 }
 
-static bool is_stored(const corrections *c, size_t i, size_t j, const double missed[9]) {
-    return i == j ||
-           norm2_of(missed) > c->options->epsilon * c->options->epsilon * c->own[i] * c->own[j];
+/* Squared, over the mean of both nodes' own blocks. */
+static double miss_of(const corrections *c, size_t i, size_t j, const double missed[9]) {
+    return i == j ? HUGE_VAL : norm2_of(missed) / (c->own[i] * c->own[j]);
 }
 
 static void measure_own(void *context, size_t j) {
@@ -65,6 +72,35 @@ static void measure_own(void *context, size_t j) {
     double exact[9];
     exact_block(c, j, j, exact);
     c->own[j] = sqrt(norm2_of(exact));
+}
+
+static void measure_column(void *context, size_t j) {
+    corrections *c = context;
+    for (uint32_t i = 0; i < c->body->free->slots; i++) {
+        double exact[9], missed[9];
+        exact_block(c, i, j, exact);
+        missed_block(c, i, j, exact, missed);
+        const double miss = miss_of(c, i, j, missed);
+        c->norm2[j] += norm2_of(exact);
+        double limit2 = c->options->epsilon * c->options->epsilon;
+        for (size_t k = 0; k < HALVINGS; k++, limit2 /= 4) {
+            if (miss <= limit2) c->left2[j][k] += norm2_of(missed);
+        }
+    }
+}
+
+/* Epsilon, halved until the RMS error is in proportion to it. */
+static double choose_limit(corrections *c) {
+    const uint32_t slots = c->body->free->slots;
+    double limit = c->options->epsilon, norm2 = 0;
+    parallel_for(slots, measure_column, c);
+    for (uint32_t j = 0; j < slots; j++) norm2 += c->norm2[j];
+    for (size_t k = 0; k < HALVINGS; k++, limit /= 2) {
+        double left2 = 0;
+        for (uint32_t j = 0; j < slots; j++) left2 += c->left2[j][k];
+        if (sqrt(left2 / norm2) <= RMS_SHARE * c->options->epsilon) break;
+    }
+    return limit;
 }
 
 static float largest_entry(const float (*block)[9], uint32_t count) {
@@ -93,7 +129,7 @@ static void choose_blocks(const corrections *c, size_t j, stored_column *s) {
         double exact[9], missed[9];
         exact_block(c, i, j, exact);
         missed_block(c, i, j, exact, missed);
-        if (!is_stored(c, i, j, missed)) continue;
+        if (miss_of(c, i, j, missed) <= c->limit2) continue;
         for (size_t e = 0; e < 9; e++) block[s->count][e] = (float)missed[e];
         index[s->count++] = (uint16_t)i;
     }
@@ -170,9 +206,13 @@ split_data split_build(const split_body *body, const compress_options *options) 
                      .options = options,
                      .own = allocate(slots, sizeof *c.own),
                      .own_error = allocate(slots, sizeof *c.own_error),
+                     .norm2 = allocate(slots, sizeof *c.norm2),
+                     .left2 = allocate(slots, sizeof *c.left2),
                      .out = allocate(columns, sizeof *c.out)};
     read_modes(&c);
     parallel_for(slots, measure_own, &c);
+    d.limit = choose_limit(&c);
+    c.limit2 = d.limit * d.limit;
     progress_begin("corrections", slots);
     parallel_for(slots, make_column, &c);
     progress_end();
@@ -182,7 +222,7 @@ split_data split_build(const split_body *body, const compress_options *options) 
         d.worst_own = fmax(d.worst_own, sqrt(c.own_error[j]) / c.own[j]);
     }
     d.columns = columns_pack(c.out, columns, slots, slots, options);
-    void *owned[] = {c.left, c.right, c.own, c.own_error, c.out};
+    void *owned[] = {c.left, c.right, c.own, c.own_error, c.norm2, c.left2, c.out};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++) free(owned[i]);
     return d;
 }

@@ -42,9 +42,9 @@ static const char help[] =
     "miss\n"
     "                          (default, an eighth of the bytes), or the paper's columns (with "
     "--wavelet,\n"
-    "                          --unlifted, --threshold, --constraint-level, --reciprocity raw, "
-    "--epsilon 0;\n"
-    "                          zones always)\n"
+    "                          --unlifted, --threshold, --constraint-level, --table-mb, "
+    "--reciprocity raw,\n"
+    "                          --epsilon 0 or --modes 0; of zones unless split is asked for)\n"
     "  --epsilon E             relative threshold, 0 <= E < 1 (default 0.05; 0 keeps everything)\n"
     "  --threshold column|global   relative to the largest block of each column (the paper's "
     "rule),\n"
@@ -236,7 +236,8 @@ static void choose_form(bake_spec *s) {
             "--form split cannot be had with %s, which is for the paper's columns: leave one of "
             "both out",
             only);
-    if (s->form == FORM_OF_OPTIONS) s->form = only != NULL ? FORM_WAVELET : FORM_SPLIT;
+    if (s->form == FORM_OF_OPTIONS)
+        s->form = only != NULL || s->zones.zones > 0 ? FORM_WAVELET : FORM_SPLIT;
     if (!s->storage_given) s->half = s->form == FORM_SPLIT;
 }
 
@@ -315,9 +316,11 @@ static palp_meta describe(const bake_spec *s) {
 
 static int bake_zones(bake_spec *s, output *out, double start) {
     FILE *f = strcmp(s->output, "-") == 0 ? stderr : stdout;
+    choose_form(s);
     build_options build = {.wavelet = s->wavelet,
                            .compress = {.epsilon = s->epsilon, .rule = s->rule, .half = s->half},
                            .table_bytes = s->table_mb * 1e6,
+                           .split = s->form == FORM_SPLIT,
                            .modes = s->modes,
                            .presses = BUILD_PRESSES};
     if (s->raw || s->detail != NULL || s->level_chosen)

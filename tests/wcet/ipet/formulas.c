@@ -320,10 +320,10 @@ static void of_green(const palp_blob *b) {
         tell(half ? "add_half" : "add", "-", counts, of_add, &c);
         if (!palp_blob_has(b, PALP_META_SPLIT)) continue;
         (void)snprintf(counts, sizeof counts, "slots=%u modes=%u groups=%u", d->slots,
-                       b->regular.modes, c.m);
+                       b->split.count, c.m);
         tell(half ? "split_add_half" : "split_add", "-", counts, of_split_add, &c);
         c.n = 1u + below(d->slots);
-        (void)snprintf(counts, sizeof counts, "slots=%u modes=%u", c.n, b->regular.modes);
+        (void)snprintf(counts, sizeof counts, "slots=%u modes=%u", c.n, b->split.count);
         tell("split_modes", "-", counts, of_split_modes, &c);
     }
     for (uint32_t l = 0; l < d->levels; l++) {
