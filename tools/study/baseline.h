@@ -28,9 +28,18 @@ baseline_result baseline_truncated(const baseline_matrix *m, double rms);
 /* All of it in IEEE half precision, scaled by the largest entry of each column. */
 baseline_result baseline_half(const baseline_matrix *m);
 
-/* Block low rank: nodes in clusters of at most `leaf`, each pair of clusters dense or as U V^T,
- * whichever is smaller, by cross approximation with full pivoting. */
+/* Block low rank of a symmetric matrix: nodes in clusters of at most `leaf`, each pair of clusters
+ * dense or as U V^T, whichever is smaller, by cross approximation with full pivoting; of each pair and its
+ * transpose one. */
 baseline_result baseline_low_rank(const baseline_matrix *m, size_t leaf, double rms);
+
+/*
+ * Nested bases (H2) of a symmetric matrix: a binary tree of clusters down to `leaf` nodes; pairs that
+ * are apart by `apart` times the radius of the larger one are coupled through bases, V_a S_ab V_b^T, nearer
+ * leaves are dense. A cluster's basis holds the left singular vectors of its rows in all that it or its
+ * ancestors are coupled with whose singular values exceed `drop`; that of a parent is made of its children's.
+ */
+baseline_result baseline_nested(const baseline_matrix *m, size_t leaf, double apart, double drop);
 
 /* 40 columns around the first node. */
 #define BASELINE_PATCH 40

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-#include "tools/study/baseline.h"
 #include "core/green/cma.h"
 #include "tools/solver/dense.h"
 #include "tools/solver/electrostatics.h"
@@ -8,63 +7,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-void compare_baselines(work *w, const study_point *wavelets) {
-    const study_case *c = &w->small[CASES - 1];
-    size_t n = free_nodes(c), k = 0;
-    baseline_matrix m = {.n = n};
-    double *g = allocate_aligned(9 * n * n, sizeof *g), (*x)[3] = allocate(n, sizeof *x);
-    uint32_t *node = allocate(n, sizeof *node);
-    for (uint32_t i = 0; i < c->m.vertices; i++) {
-        if (c->fixed[i] != 0) continue;
-        memcpy(x[k], c->m.x[i], sizeof *x);
-        node[k++] = i;
-    }
-    for (size_t i = 0; i < 3 * n; i++) {
-        for (size_t j = 0; j < 3 * n; j++)
-            g[i * 3 * n + j] = greens_row(&c->g, node[i / 3], i % 3)[3 * node[j / 3] + j % 3];
-    }
-    m.g = g;
-    m.x = (const double(*)[3])x;
-    output csv = begin_csv(w, "compressions.csv", "method,rms,compression,work,work_of_40_columns");
-    begin_figure(
-        w, "Do wavelets pay? Other compressions at equal RMS error, L = 4",
-        "no such comparison. Work is in multiply-adds of a product over those of the dense "
-        "one, index bytes count as storage.");
-    fprintf(w->page, "<table><tr><th>RMS<th>lifted linear<th>truncated dense<th>half "
-                     "dense<th>block low rank, clusters of 64<th>of 32<th>wavelet / best "
-                     "other</tr>\n");
-    baseline_result half = baseline_half(&m);
-    fprintf(csv.file, "half,%.4g,%.4g,1,1\n", half.rms, half.compression);
-    for (size_t e = 1; e < STUDY_EPSILONS; e += 2) {
-        double rms = wavelets[e].rms;
-        double ours = wavelets[e].compression * 36 / 38; /* with its index */
-        baseline_result t = baseline_truncated(&m, rms);
-        baseline_result l64 = baseline_low_rank(&m, 64, rms), l32 = baseline_low_rank(&m, 32, rms);
-        double best =
-            fmax(fmax(t.compression, half.compression), fmax(l64.compression, l32.compression));
-        fprintf(csv.file, "wavelet,%.4g,%.4g,%.4g,%.4g\n", rms, ours, 1 / wavelets[e].compression,
-                1 / wavelets[e].compression);
-        fprintf(csv.file, "truncated,%.4g,%.4g,%.4g,%.4g\n", t.rms, t.compression, t.work,
-                t.work_patch);
-        fprintf(csv.file, "low-rank-64,%.4g,%.4g,%.4g,%.4g\n", l64.rms, l64.compression, l64.work,
-                l64.work_patch);
-        fprintf(csv.file, "low-rank-32,%.4g,%.4g,%.4g,%.4g\n", l32.rms, l32.compression, l32.work,
-                l32.work_patch);
-        fprintf(w->page,
-                "<tr><td>%.4f<td>%.1f<td>%.1f<td>%.1f (RMS %.0e)<td>%.1f<td>%.1f<td>%.1f</tr>\n",
-                rms, ours, t.compression, half.compression, half.rms, l64.compression,
-                l32.compression, ours / best);
-        printf("  RMS %.4f: wavelets %6.1f, truncated %5.1f, half %.1f, low rank %5.1f (64) %5.1f "
-               "(32)\n",
-               rms, ours, t.compression, half.compression, l64.compression, l32.compression);
-    }
-    fprintf(w->page, "</table>\n");
-    commit_output(&csv);
-    free(g);
-    free(x);
-    free(node);
-}
 
 typedef struct {
     uint32_t node;

@@ -545,7 +545,7 @@ static void reproduce_greens(work *w, const reproduce_spec *s) {
                  "all constraint levels compress about alike, coarser ones slightly better", 3);
     hierarchical(w, &w->large, "20", "21", "the large model with coarse constraints",
                  "dragon, level 0 only: about 100 times at 5 % RMS", LARGE_LEVEL + 1);
-    compare_baselines(w, lifted);
+    compare_compressions(w, lifted);
     compare_levels(w);
     show_electrostatics(w);
 }

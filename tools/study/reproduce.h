@@ -42,9 +42,9 @@ void add_plot(const work *w, const char *name, const plot_chart *chart);
 /* The paper on dynamic bodies (dynamics.c), with a model that has 'tets'. */
 void reproduce_dynamics(work *w, const char *model);
 
-/* Beyond the paper (beyond.c): other compressions at equal error, forces on coarser levels, and an
- * electrostatic problem. */
-void compare_baselines(work *w, const study_point *wavelets);
+/* Beyond the paper: other compressions and the split form at equal error (compressions.c); forces on
+ * coarser levels, and an electrostatic problem (beyond.c). */
+void compare_compressions(work *w, const study_point *wavelets);
 void compare_levels(work *w);
 void show_electrostatics(work *w);
 

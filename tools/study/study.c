@@ -98,6 +98,8 @@ void study_case_bake(study_case *c, const body_spec *body, uint32_t finest) {
     mesh_nodal(&c->m, c->area, normal);
     free(normal);
     c->fixed = body_fixed(body, &c->m);
+    c->young_Pa = body->young_Pa;
+    c->poisson = body->poisson;
     domains d = domains_build(&c->m, c->fixed, c->area, (wavelet){WAVELET_LINEAR, true});
     const palp_domain *f = &d.domain[PALP_FREE].view;
     c->levels = f->levels;

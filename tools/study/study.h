@@ -14,6 +14,7 @@ typedef struct {
     uint8_t *fixed;
     double *area;
     greens g;
+    double young_Pa, poisson;
     uint32_t levels, stored; /* levels, and the constraint level of the columns in g */
     double seconds;          /* what the Green's functions took */
 } study_case;
