@@ -338,7 +338,13 @@ static void parse_header(session_record *s, const char *path, char *text) {
             parse_scene(s, path, next != NULL ? next : line + strlen(line));
             return;
         }
-        if (!parse_header_line(s, &n, line))
+        const bool known = parse_header_line(s, &n, line);
+        if (!known && strncmp(line, "prices ", 7) == 0)
+            die(EXIT_WORK,
+                "%s: written by a palpd that counts other kinds of work than the %d of this one: "
+                "replay it with that version, or record it again",
+                path, PALP_WORKS);
+        if (!known)
             die(EXIT_WORK, "%s: unknown line '%s' in the session's description", path, line);
         line = next;
     }

@@ -222,6 +222,48 @@ static void measure_field(const palp_blob *b, const float *dense, double compres
     free(y);
 }
 
+/* The deformed surface under s loads side by side, from scratch, in split form: against the columns of
+ * wavelets, and against streaming what it reads. */
+static void measure_split(const palp_blob *wavelets, const palp_blob *split) {
+    static const uint32_t loaded[] = {1, 16, 40, 100, 400};
+    const palp_domain *d = &split->domain[PALP_FREE];
+    const uint32_t modes = split->split.count;
+    const size_t m = d->slots;
+    float *x = allocate_aligned(4 * m, sizeof *x);
+    const float f[3] = {0.1f, 0.2f, -1.0f};
+    printf(
+        "\nthe surface under s loads: split form of %zu bytes, columns of wavelets in one of %zu\n",
+        split->bytes, wavelets->bytes);
+    for (size_t k = 0; k < sizeof loaded / sizeof loaded[0]; k++) {
+        const uint32_t s = loaded[k];
+        double ours = HUGE_VAL, theirs = HUGE_VAL, least = HUGE_VAL;
+        for (uint32_t r = 0; r < 30; r++) {
+            const uint32_t first = r * 97u % (uint32_t)(m - (size_t)s);
+            float load[PALP_MAX_MODES] = {0};
+            double t = now_s();
+            memset(x, 0, 4 * m * sizeof *x);
+            for (uint32_t j = 0; j < s; j++) palp_split_add(split, first + j, f, load, x);
+            palp_split_add_modes(split, load, (uint32_t)m, x);
+            ours = fmin(ours, now_s() - t);
+            t = now_s();
+            memset(x, 0, 4 * m * sizeof *x);
+            for (uint32_t j = 0; j < s; j++)
+                palp_columns_add(&wavelets->columns[PALP_FREE][PALP_FREE], first + j, f, x);
+            palp_wavelet_inverse(d, x, d->levels - 1);
+            theirs = fmin(theirs, now_s() - t);
+            t = now_s();
+            stream(split->split.vector, 6 * (size_t)split->meta->nodes * modes);
+            least = fmin(least, now_s() - t);
+            sink = x[0];
+        }
+        char name[64];
+        snprintf(name, sizeof name, "surface in split form, s = %u", s);
+        row(name, ours * 1e6, "us", "columns of wavelets (time ratio)", ours / theirs);
+        row(name, ours * 1e6, "us", "stream of its modes (time ratio)", ours / least);
+    }
+    free(x);
+}
+
 /* ---- ticks by contact size and level ---- */
 
 typedef struct {
@@ -382,6 +424,10 @@ int main(int argc, char **argv) {
             measure_contact(&b.blob);
             measure_patches(&b.blob);
             measure_field(&b.blob, dense, compression);
+            baked split = model_bake_split(mesh_load(argv[1]), atof(argv[2]), epsilons[e], true);
+            measure_split(&b.blob, &split.blob);
+            free(split.g.m);
+            free(split.bytes);
         }
         free(dense);
         free(b.g.m);

@@ -129,6 +129,40 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
     printf("%016llx surface, ", (unsigned long long)hash);
 }
 
+/* The deformed surface under loads, and one problem of every kind of condition. */
+static void deform(const palp_blob *blob) {
+    static palp_field field;
+    static palp_cma cma;
+    const palp_domain *free = &blob->domain[PALP_FREE], *fixed = &blob->domain[PALP_FIXED];
+    const uint32_t finest = blob->meta->levels - 1u;
+    const size_t nodes = blob->meta->nodes;
+    size_t room = palp_field_memsize(blob);
+    palp_load load[8];
+    if (palp_field_init(&field, blob, aligned(room), room) != PALP_OK) exit(1);
+    for (uint32_t k = 0; k < 8u; k++)
+        load[k] = (palp_load){{finest, 61u * k % free->slots}, {0.1f, 0.02f * (float)k, -0.3f}};
+    palp_field_update(&field, load, 5);
+    palp_field_update(&field, load + 3, 5);
+    for (uint32_t l = 0; l <= finest; l++)
+        mix(palp_field_reconstruct(&field, l), 16u * free->level_start[l + 1u]);
+    room = palp_cma_memsize(blob, 40);
+    float *u = aligned(12u * nodes), *f = aligned(12u * nodes);
+    if (palp_cma_init(&cma, blob, 40, aligned(room), room) != PALP_OK) exit(1);
+    for (uint32_t k = 0; k < 4u; k++)
+        (void)palp_cma_prescribe(&cma, free->node[7u * k + 1u], PALP_PRESCRIBE_DISPLACEMENT,
+                                 (palp_vec3){1e-3f, 0, 1e-4f * (float)k});
+    (void)palp_cma_prescribe(&cma, free->node[3], PALP_PRESCRIBE_NORMAL, (palp_vec3){1e-3f, 0, 0});
+    (void)palp_cma_prescribe(&cma, free->node[9], PALP_PRESCRIBE_TRACTION, (palp_vec3){9, 0, -50});
+    (void)palp_cma_prescribe(&cma, fixed->node[0], PALP_PRESCRIBE_DISPLACEMENT,
+                             (palp_vec3){0, 1e-3f, 0});
+    (void)palp_cma_prescribe(&cma, fixed->node[2], PALP_RELEASE, (palp_vec3){0, 0, 0});
+    (void)palp_cma_gravity(&cma, (palp_vec3){0, 0, -9.81f});
+    if (palp_cma_solve(&cma, u, f) != PALP_OK) exit(1);
+    mix(u, 12u * nodes);
+    mix(f, 12u * nodes);
+    printf("%016llx deformed, ", (unsigned long long)hash);
+}
+
 /* Two hands on the body, and after an exchange on a dynamic one as well. */
 #define SCENE_TICKS 1750u
 #define EXCHANGE_AT 1400u
@@ -277,6 +311,7 @@ int main(int argc, char **argv) {
     config.placement.origin_m = (palp_vec3){blob.rest_m[3 * top], blob.rest_m[3 * top + 1],
                                             blob.rest_m[3 * top + 2] + 0.012f};
     move_surface(&blob, palp_vec3_at(blob.rest_m + 3 * top));
+    deform(&blob);
     size_t size = palp_servo_memsize(&blob, config.finest);
     if (palp_servo_open(&servo, &blob, &config, aligned(size), size, NULL) != PALP_OK) return 1;
 
