@@ -65,6 +65,7 @@ class Binary:
     def __init__(self, target, path, root):
         self.target, self.path, self.root = target, path, root
         self.functions = {}  # by address
+        self.symbolizer = None
         self.read()
         self.places = {}
 
@@ -87,18 +88,35 @@ class Binary:
                 f.code[int(m.group(1), 16)] = (mnemonic, re.split(r";|//|@", operands)[0].strip())
         self.functions = {a: f for a, f in self.functions.items() if f.code}
 
+    def ask(self, addresses):
+        """The lines that llvm-symbolizer, which is kept open, says of each address; each answer ends with an empty line."""
+        if self.symbolizer is None:
+            self.symbolizer = subprocess.Popen(["llvm-symbolizer", "--obj=" + self.path, "--inlining", "--output-style=LLVM"],
+                                               stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        answers = []
+        for first in range(0, len(addresses), 100):  # no more than the pipes hold
+            some = addresses[first:first + 100]
+            self.symbolizer.stdin.write("".join("0x%x\n" % a for a in some))
+            self.symbolizer.stdin.flush()
+            for _ in some:
+                lines = []
+                while True:
+                    line = self.symbolizer.stdout.readline()
+                    if line == "":
+                        raise SystemExit("llvm-symbolizer ended")
+                    if line == "\n":
+                        break
+                    lines.append(line.rstrip("\n"))
+                answers.append(lines)
+        return answers
+
     def locate(self, addresses):
         """Fills self.places: of each address the chain of places, innermost inlined function first."""
         addresses = sorted(set(addresses) - set(self.places))
         if not addresses:
             return
-        out = subprocess.run(["llvm-symbolizer", "--obj=" + self.path, "--inlining", "--output-style=LLVM"],
-                             input="".join("0x%x\n" % a for a in addresses), capture_output=True, text=True, check=True).stdout
-        answers = out.split("\n\n")
-        if len(answers) < len(addresses):
-            raise SystemExit("llvm-symbolizer answers %d of %d addresses" % (len(answers), len(addresses)))
-        for address, answer in zip(addresses, answers):
-            chain, lines = [], answer.strip().split("\n")
+        for address, answer in zip(addresses, self.ask(addresses)):
+            chain, lines = [], answer
             for function, where in zip(lines[::2], lines[1::2]):
                 m = re.match(r"^(.*):(\d+):(\d+)$", where)
                 if m and m.group(1) != "??":
