@@ -3,6 +3,7 @@
 #include "port/host/parallel.h"
 #include "port/host/util.h"
 #include "tools/bake/half.h"
+#include "tools/solver/kernel_sums.h" /* WIDE */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,17 +50,24 @@ static void point_kernel(const corrections *c, size_t i, size_t j, double block[
         half_space_point(b->m->x[k], b->m->x[l], b->normal[k], b->normal[l], b->material, block);
 }
 
-/* G less what half-space and modes make of it. */
-static void missed_block(const corrections *c, size_t i, size_t j, const double exact[9],
-                         double block[9]) {
-    point_kernel(c, i, j, block);
-    for (size_t e = 0; e < 9; e++) {
-        const double *u = c->left + (3 * i + e / 3) * c->modes,
-                     *v = c->right + (3 * j + e % 3) * c->modes;
-        double sum = 0;
-        for (size_t a = 0; a < c->modes; a++) sum += u[a] * v[a];
-        block[e] = exact[e] - block[e] - sum;
+/* Eight sums side by side: modes are a multiple of it. */
+static inline double along_modes(const double *u, const double *v, size_t modes) {
+    double lane[PALP_MODE_LANES] = {0}, sum = 0;
+    for (size_t a = 0; a < modes; a += PALP_MODE_LANES) {
+        for (size_t k = 0; k < PALP_MODE_LANES; k++) lane[k] += u[a + k] * v[a + k];
     }
+    for (size_t k = 0; k < PALP_MODE_LANES; k++) sum += lane[k];
+    return sum;
+}
+
+/* G less what half-space and modes make of it. */
+static inline void missed_block(const corrections *c, size_t i, size_t j, const double exact[9],
+                                double block[9]) {
+    point_kernel(c, i, j, block);
+    for (size_t e = 0; e < 9; e++)
+        block[e] = exact[e] - block[e] -
+                   along_modes(c->left + (3 * i + e / 3) * c->modes,
+                               c->right + (3 * j + e % 3) * c->modes, c->modes);
 }
 
 /* Squared, over the mean of both nodes' own blocks. */
@@ -74,7 +82,7 @@ static void measure_own(void *context, size_t j) {
     c->own[j] = sqrt(norm2_of(exact));
 }
 
-static void measure_column(void *context, size_t j) {
+WIDE static void measure_column(void *context, size_t j) {
     corrections *c = context;
     for (uint32_t i = 0; i < c->body->free->slots; i++) {
         double exact[9], missed[9];
@@ -120,16 +128,26 @@ static void round_column(const corrections *c, stored_column *s) {
     }
 }
 
-/* The blocks of a column that are stored. */
-static void choose_blocks(const corrections *c, size_t j, stored_column *s) {
+/* The blocks of a column that are stored, and what all others miss: the column's errors and the worst
+ * block. */
+WIDE static double choose_blocks(const corrections *c, size_t j, stored_column *s,
+                                 double *largest) {
     const uint32_t slots = c->body->free->slots;
     uint16_t *index = allocate(slots, sizeof *index);
     float(*block)[9] = allocate(slots, sizeof *block);
+    double worst = 0;
     for (uint32_t i = 0; i < slots; i++) {
         double exact[9], missed[9];
         exact_block(c, i, j, exact);
         missed_block(c, i, j, exact, missed);
-        if (miss_of(c, i, j, missed) <= c->limit2) continue;
+        const double norm2 = norm2_of(exact);
+        s->norm2 += norm2;
+        *largest = fmax(*largest, norm2);
+        if (miss_of(c, i, j, missed) <= c->limit2) {
+            s->error2 += norm2_of(missed);
+            worst = fmax(worst, norm2_of(missed));
+            continue;
+        }
         for (size_t e = 0; e < 9; e++) block[s->count][e] = (float)missed[e];
         index[s->count++] = (uint16_t)i;
     }
@@ -139,28 +157,22 @@ static void choose_blocks(const corrections *c, size_t j, stored_column *s) {
     memcpy(s->block, block, s->count * sizeof *block);
     free(index);
     free(block);
-    round_column(c, s);
+    return worst;
 }
 
 static void make_column(void *context, size_t j) {
     corrections *c = context;
-    const uint32_t slots = c->body->free->slots;
     stored_column *s = &c->out[j];
-    choose_blocks(c, j, s);
-    double largest = 0, worst = 0;
-    for (uint32_t i = 0, at = 0; i < slots; i++) {
+    double largest = 0, worst = choose_blocks(c, j, s, &largest);
+    round_column(c, s);
+    for (uint32_t at = 0; at < s->count; at++) {
         double exact[9], missed[9];
-        exact_block(c, i, j, exact);
-        missed_block(c, i, j, exact, missed);
-        const bool stored = at < s->count && s->index[at] == i;
-        for (size_t e = 0; e < 9 && stored; e++) missed[e] -= (double)(s->scale * s->block[at][e]);
-        at += stored;
-        const double error2 = norm2_of(missed), norm2 = norm2_of(exact);
-        s->error2 += error2;
-        s->norm2 += norm2;
-        largest = fmax(largest, norm2);
-        worst = fmax(worst, error2);
-        if (i == j) c->own_error[j] = error2;
+        exact_block(c, s->index[at], j, exact);
+        missed_block(c, s->index[at], j, exact, missed);
+        for (size_t e = 0; e < 9; e++) missed[e] -= (double)(s->scale * s->block[at][e]);
+        s->error2 += norm2_of(missed);
+        worst = fmax(worst, norm2_of(missed));
+        if (s->index[at] == j) c->own_error[j] = norm2_of(missed);
     }
     s->worst = largest > 0 ? sqrt(worst / largest) : 0;
     progress_add(1);
