@@ -3,7 +3,7 @@
 #include "port/host/parallel.h"
 #include "port/host/util.h"
 #include "tools/bake/half.h"
-#include "tools/solver/kernel_sums.h" /* WIDE */
+#include "tools/solver/wide.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

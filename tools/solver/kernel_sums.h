@@ -11,14 +11,7 @@
 
 #include "tools/solver/quadratic.h"
 #include "tools/solver/gauss.h"
-
-/* Without fused multiply-adds wider vectors give the same bits. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) &&                             \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define WIDE __attribute__((target_clones("avx2", "default")))
-#else
-#define WIDE
-#endif
+#include "tools/solver/wide.h"
 
 enum {
     SOURCE_LAYER = 12, /* where the double layer of 1 / |r| stands, behind 9 + 3 lanes */
