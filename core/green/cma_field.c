@@ -34,16 +34,16 @@ static void add_given(palp_cma *c) {
  * thresholding leaves unbalanced becomes a uniform traction. */
 static void add_reactions(palp_cma *c) {
     const palp_blob *b = c->blob;
-    const palp_domain *free = &b->domain[PALP_FREE], *fixed = &b->domain[PALP_FIXED];
+    const palp_domain *forced = &b->domain[PALP_FREE], *fixed = &b->domain[PALP_FIXED];
     float *traction = c->detail[PALP_FIXED], unbalanced[3] = {0}, area = 0.0f;
-    for (uint32_t i = 0; i < free->slots; i++) {
+    for (uint32_t i = 0; i < forced->slots; i++) {
         for (uint32_t k = 0; k < 3u; k++) {
             c->turned[PALP_FIELD_LANES * i + k] = c->carried[3u * i + k];
             unbalanced[k] += c->carried[3u * i + k];
         }
         c->turned[PALP_FIELD_LANES * i + 3u] = 0.0f;
     }
-    palp_wavelet_adjoint(free, c->turned);
+    palp_wavelet_adjoint(forced, c->turned);
     for (uint32_t j = 0; j < fixed->slots; j++) {
         const float own = b->area_m2[fixed->node[j]];
         float sum[3];

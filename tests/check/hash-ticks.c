@@ -133,26 +133,26 @@ static void move_surface(const palp_blob *blob, palp_vec3 top) {
 static void deform(const palp_blob *blob) {
     static palp_field field;
     static palp_cma cma;
-    const palp_domain *free = &blob->domain[PALP_FREE], *fixed = &blob->domain[PALP_FIXED];
+    const palp_domain *loose = &blob->domain[PALP_FREE], *fixed = &blob->domain[PALP_FIXED];
     const uint32_t finest = blob->meta->levels - 1u;
     const size_t nodes = blob->meta->nodes;
     size_t room = palp_field_memsize(blob);
     palp_load load[8];
     if (palp_field_init(&field, blob, aligned(room), room) != PALP_OK) exit(1);
     for (uint32_t k = 0; k < 8u; k++)
-        load[k] = (palp_load){{finest, 61u * k % free->slots}, {0.1f, 0.02f * (float)k, -0.3f}};
+        load[k] = (palp_load){{finest, 61u * k % loose->slots}, {0.1f, 0.02f * (float)k, -0.3f}};
     palp_field_update(&field, load, 5);
     palp_field_update(&field, load + 3, 5);
     for (uint32_t l = 0; l <= finest; l++)
-        mix(palp_field_reconstruct(&field, l), 16u * free->level_start[l + 1u]);
+        mix(palp_field_reconstruct(&field, l), 16u * loose->level_start[l + 1u]);
     room = palp_cma_memsize(blob, 40);
     float *u = aligned(12u * nodes), *f = aligned(12u * nodes);
     if (palp_cma_init(&cma, blob, 40, aligned(room), room) != PALP_OK) exit(1);
     for (uint32_t k = 0; k < 4u; k++)
-        (void)palp_cma_prescribe(&cma, free->node[7u * k + 1u], PALP_PRESCRIBE_DISPLACEMENT,
+        (void)palp_cma_prescribe(&cma, loose->node[7u * k + 1u], PALP_PRESCRIBE_DISPLACEMENT,
                                  (palp_vec3){1e-3f, 0, 1e-4f * (float)k});
-    (void)palp_cma_prescribe(&cma, free->node[3], PALP_PRESCRIBE_NORMAL, (palp_vec3){1e-3f, 0, 0});
-    (void)palp_cma_prescribe(&cma, free->node[9], PALP_PRESCRIBE_TRACTION, (palp_vec3){9, 0, -50});
+    (void)palp_cma_prescribe(&cma, loose->node[3], PALP_PRESCRIBE_NORMAL, (palp_vec3){1e-3f, 0, 0});
+    (void)palp_cma_prescribe(&cma, loose->node[9], PALP_PRESCRIBE_TRACTION, (palp_vec3){9, 0, -50});
     (void)palp_cma_prescribe(&cma, fixed->node[0], PALP_PRESCRIBE_DISPLACEMENT,
                              (palp_vec3){0, 1e-3f, 0});
     (void)palp_cma_prescribe(&cma, fixed->node[2], PALP_RELEASE, (palp_vec3){0, 0, 0});
