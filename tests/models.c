@@ -155,6 +155,7 @@ zoned model_zones(const mesh *body, const char *lines, double epsilon) {
     args_parse_text("model", lines, options, take_line, &s);
     build_options build = {.wavelet = {.kind = WAVELET_LINEAR, .lifted = true},
                            .compress = {.epsilon = epsilon},
+                           .table_bytes = 64e6, /* for entries that tests look up */
                            .modes = BUILD_MODES};
     snprintf(path, sizeof path, "%s/zone.obj", folder);
     r.bytes = zone_bake(&s.z, &s.body, &build, "model", path, NULL, &r.size);
