@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-# The same blob and the same frames give the same bits from every compiler, level and target that is here.
+# The same blob and the same frames give the same bits from every compiler and target that is here, plain and as fast as it can;
+# with FULL=1 (make soak) at the level between as well.
 . "$(dirname "$0")/../cli/lib.sh"
 cd "$here" || exit 1
 seconds=${PALP_SECONDS:-2} # ticks at 1 kHz
@@ -47,13 +48,13 @@ bare() { # bare NAME FLAGS...: Cortex-M7 without an operating system, files over
         -kernel "$work/hash.elf" </dev/null)"
 }
 run "gcc -O0" "" gcc -O0 -static
-run "gcc -O2" "" gcc -O2 -static
+[ -n "$FULL" ] && run "gcc -O2" "" gcc -O2 -static
 run "gcc -O3" "" gcc -O3 -fno-trapping-math -static
 run "clang -O0" "" clang -O0 -static
-run "clang -O2" "" clang -O2 -static
+[ -n "$FULL" ] && run "clang -O2" "" clang -O2 -static
 run "clang -O3" "" clang -O3 -static
 for c in gcc clang; do
-    for o in -O2 -O3; do
+    for o in ${FULL:+-O2} -O3; do
         name="$c $o AVX2 with FMA at hand"
         if grep -q avx2 /proc/cpuinfo; then
             run "$name" "" $c $o -mavx2 -mfma -static
@@ -62,11 +63,11 @@ for c in gcc clang; do
         fi
     done
 done
-run "AArch64 gcc -O2" qemu-aarch64-static aarch64-linux-gnu-gcc -O2 -static
+[ -n "$FULL" ] && run "AArch64 gcc -O2" qemu-aarch64-static aarch64-linux-gnu-gcc -O2 -static
 run "AArch64 gcc -O3" qemu-aarch64-static aarch64-linux-gnu-gcc -O3 -static
 run "armhf gcc -O3 with NEON at hand" qemu-arm-static arm-linux-gnueabihf-gcc -O3 -mfpu=neon -static
 bare "Cortex-M7 gcc -O3" -O3
-bare "Cortex-M7 gcc -O2" -O2
+[ -n "$FULL" ] && bare "Cortex-M7 gcc -O2" -O2
 if [ -d /usr/lib/wasm32-wasi ]; then
     run "wasm32 clang -O3" "node --no-warnings tests/check/wasi.mjs" clang --target=wasm32-wasi -O3 -Wl,-z,stack-size=262144
     run "wasm32 clang -O3 with SIMD" "node --no-warnings tests/check/wasi.mjs" clang --target=wasm32-wasi -O3 -msimd128 -Wl,-z,stack-size=262144
