@@ -182,7 +182,7 @@ cortexm: all ## a bare Cortex-M7 image with the sample rabbit in flash, run unde
 	@mkdir -p $(BUILD)/cortexm
 	@$(BUILD)/palp subdivide blobs/rabbit.obj -o $(BUILD)/cortexm/rabbit.obj --levels 2 > /dev/null
 	@$(BUILD)/palp bake $(BUILD)/cortexm/rabbit.obj --as-is --young 3e4 --poisson 0.45 --fix-below z 0.004 \
-	    --table-mb 0.5 --storage f16 -o $(BUILD)/cortexm/rabbit.palp > /dev/null 2>&1
+	    -o $(BUILD)/cortexm/rabbit.palp > /dev/null 2>&1
 	sh port/cortexm/build.sh $(BUILD)/cortexm/rabbit.palp $(BUILD)/cortexm/image.elf m7 -DRATE_HZ=75.0f
 	qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none -semihosting-config enable=on,target=native \
 	    -icount shift=6 -kernel $(BUILD)/cortexm/image.elf
