@@ -65,7 +65,7 @@ typedef enum {
     PALP_SEC_RING = 8,        /* u32[] neighbours of each node */
     PALP_SEC_CELL_OFFSET = 9, /* u32[cells + 1] search grid */
     PALP_SEC_CELL_NODE = 10,  /* u32[nodes] nodes sorted by cell */
-    /* 11: of blobs before version 0.4, not read */
+    /* 11: of blobs of version 2, not read */
     PALP_SEC_LEVEL_AREA = 12, /* f32[] a_[l,k] of K(0), then of K(1), .. K(levels - 1), m^2 */
     /* The surface as contact meets it (core/surface); all or none. */
     PALP_SEC_ACROSS = 13,       /* u32[triangles][3] triangle across the edge facing each corner */

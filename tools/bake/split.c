@@ -223,8 +223,8 @@ split_data split_build(const split_body *body, const compress_options *options) 
                      .out = allocate(columns, sizeof *c.out)};
     read_modes(&c);
     parallel_for(slots, measure_own, &c);
-    d.limit = choose_limit(&c);
-    c.limit2 = d.limit * d.limit;
+    const double limit = choose_limit(&c);
+    c.limit2 = limit * limit;
     progress_begin("corrections", slots);
     parallel_for(slots, make_column, &c);
     progress_end();

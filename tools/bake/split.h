@@ -26,9 +26,8 @@ typedef struct {
 
 typedef struct {
     columns_data columns; /* rms and max are those of B + U S U^T + D against G */
-    double limit;
-    double worst_column; /* largest RMS error of one column */
-    double worst_own;    /* largest error of a node's own block, of its norm */
+    double worst_column;  /* largest RMS error of one column */
+    double worst_own;     /* largest error of a node's own block, of its norm */
 } split_data;
 
 /* Threaded; the same bits on any number of threads. Cost: about 300 multiply-adds per pair and 5

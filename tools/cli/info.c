@@ -145,9 +145,9 @@ static void print_text(const palp_blob *b, const char *sha, double dense_bytes,
             corrections += palp_columns_stored(&b->columns[PALP_FREE][PALP_FREE], j);
         printf("compression           %.2f (%" PRIu32
                " modes and %.1f corrections a node), RMS %.5f, MAX %.5f\n",
-               compression, m->modes,
-               (double)corrections / (double)m->domain_nodes[PALP_FREE],
-               (double)m->rms_error, (double)m->max_error);
+               compression, b->split.count,
+               (double)corrections / (double)m->domain_nodes[PALP_FREE], (double)m->rms_error,
+               (double)m->max_error);
     } else {
         printf("compression           %.2f (%" PRIu64 " blocks of %.0f), RMS %.5f, MAX %.5f\n",
                compression, m->free_blocks, compression * (double)m->free_blocks,

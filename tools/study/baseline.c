@@ -75,6 +75,12 @@ static int by_coordinate(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
+void baseline_sort(const baseline_matrix *m, size_t *node, size_t count, int axis) {
+    sort_x = m->x;
+    sort_axis = axis;
+    qsort(node, count, sizeof *node, by_coordinate);
+}
+
 /* Halves the longest side of the fullest cluster until all are small enough. */
 static clustering cluster_nodes(const baseline_matrix *m, size_t leaf) {
     clustering c = {.node = allocate(m->n, sizeof *c.node),
@@ -89,17 +95,17 @@ static clustering cluster_nodes(const baseline_matrix *m, size_t leaf) {
             continue;
         }
         double longest = -1;
+        int along = 0;
         for (int axis = 0; axis < 3; axis++) {
             double low = HUGE_VAL, high = -HUGE_VAL;
             for (size_t i = first; i < last; i++) {
                 low = fmin(low, m->x[c.node[i]][axis]);
                 high = fmax(high, m->x[c.node[i]][axis]);
             }
-            if (high - low > longest) sort_axis = axis;
+            if (high - low > longest) along = axis;
             longest = fmax(longest, high - low);
         }
-        sort_x = m->x;
-        qsort(c.node + first, last - first, sizeof *c.node, by_coordinate);
+        baseline_sort(m, c.node + first, last - first, along);
         memmove(c.start + k + 2, c.start + k + 1, (c.clusters - k) * sizeof *c.start);
         c.start[k + 1] = (first + last) / 2;
         c.clusters++;

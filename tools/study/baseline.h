@@ -41,6 +41,9 @@ baseline_result baseline_low_rank(const baseline_matrix *m, size_t leaf, double 
  */
 baseline_result baseline_nested(const baseline_matrix *m, size_t leaf, double apart, double drop);
 
+/* Sorts nodes along an axis. Not from several threads at once. */
+void baseline_sort(const baseline_matrix *m, size_t *node, size_t count, int axis);
+
 /* 40 columns around the first node. */
 #define BASELINE_PATCH 40
 

@@ -11,7 +11,7 @@
 
 #define SCHEMES 6
 #define MOST_POINTS 16
-#define NESTED_LEAF 8   /* which compressed most of 8 to 32 .. */
+#define NESTED_LEAF 8     /* which compressed most of 8 to 32 .. */
 #define NESTED_APART 0.01 /* .. and 0.01 to 1 */
 
 typedef enum { WAVELETS, TRUNCATED, HALVES, LOW_RANK, NESTED, SPLIT } scheme;

@@ -33,13 +33,6 @@ typedef struct {
     double apart, drop, near, far, lost2, patch; /* entries stored; squared error */
 } tree;
 
-static const double (*sort_x)[3];
-static int sort_axis;
-static int by_coordinate(const void *a, const void *b) {
-    double p = sort_x[*(const size_t *)a][sort_axis], q = sort_x[*(const size_t *)b][sort_axis];
-    return (p > q) - (p < q);
-}
-
 /* Center and radius; returns the longest axis of its box. */
 static int measure(const tree *t, cluster *c) {
     int longest = 0;
@@ -66,10 +59,9 @@ static void build_tree(tree *t) {
     t->clusters = 1;
     for (size_t k = 0; k < t->clusters; k++) {
         cluster *c = &t->c[k];
-        sort_axis = measure(t, c);
-        sort_x = t->m->x;
+        const int axis = measure(t, c);
         if (c->last - c->first <= t->leaf || t->clusters + 2 > MOST_CLUSTERS) continue;
-        qsort(t->node + c->first, c->last - c->first, sizeof *t->node, by_coordinate);
+        baseline_sort(t->m, t->node + c->first, c->last - c->first, axis);
         const size_t middle = (c->first + c->last) / 2;
         c->child[0] = t->clusters++;
         c->child[1] = t->clusters++;
