@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/linux/loop.h"
 #include "port/linux/realtime.h"
+#include "port/host/run_tick.h"
 #include "port/host/subnormals.h"
 #include <string.h>
 #include <time.h>
@@ -173,38 +174,6 @@ static void exchange(servo_loop *l, tick_record *t) {
     atomic_store(&l->next, NULL);
 }
 
-/* The tick itself: input from the record, frames and reports into it. */
-static void answer(servo_loop *l, tick_record *t, uint64_t *digest) {
-    palp_can_frame out[PALP_SCENE_HANDS][PALP_SERVO_FRAMES_OUT];
-    palp_tick_input in[PALP_SCENE_HANDS];
-    uint32_t sent[PALP_SCENE_HANDS];
-    palp_scene_report report;
-    for (uint32_t h = 0; h < t->hands; h++)
-        in[h] = (palp_tick_input){.frames = t->hand[h].in,
-                                  .count = t->hand[h].in_count,
-                                  .skipped = t->skipped,
-                                  .events = t->hand[h].events};
-    scene_move(l->setup, l->scene, (double)l->periods / l->rate_hz);
-    palp_scene_tick(l->scene, in, out, sent, &report);
-    for (uint32_t h = 0; h < t->hands; h++) {
-        tick_hand *hand = &t->hand[h];
-        hand->out_count = sent[h];
-        memcpy(hand->out, out[h], sent[h] * sizeof out[h][0]);
-        palp_scene_view(l->scene, &report, h, &hand->report);
-        *digest = record_digest(*digest, hand->out, hand->out_count, &hand->report);
-        hand->counters = *palp_scene_counters(l->scene, h);
-        for (uint32_t i = 0; i < PALP_AXES && hand->report.state != PALP_STATE_RUN; i++)
-            hand->trouble[i] = palp_scene_trouble(l->scene, h, i);
-    }
-    for (uint32_t b = 0; b < t->bodies; b++) t->body[b] = report.body[b];
-    t->joint_count = 0;
-    for (uint32_t d = 0; d < palp_scene_drives(l->scene); d++) {
-        if (l->setup->drive[d].by == PALP_DRIVEN_BY_FRAMES)
-            t->joint[t->joint_count++] = *palp_scene_setpoint(l->scene, d);
-    }
-    t->digest = *digest;
-}
-
 static double wall_s(void) {
     struct timespec t;
     clock_gettime(CLOCK_REALTIME, &t);
@@ -219,15 +188,7 @@ static tick_record *next_record(servo_loop *l) {
         t = ring_begin(&l->ring);
     }
     if (t == NULL) t = l->scratch;
-    const palp_scene_config *c = &l->setup->config;
-    t->hands = c->hands;
-    t->bodies = c->bodies;
-    t->clock_count = t->load_count = 0;
-    t->skipped = 0;
-    t->clock_full = t->exchanged = false;
-    for (uint32_t b = 0; b < c->bodies; b++) t->kind[b] = c->body[b].kind;
-    for (uint32_t h = 0; h < c->hands; h++)
-        t->hand[h].in_count = t->hand[h].out_count = t->hand[h].events = 0;
+    run_begin(l->setup, t);
     return t;
 }
 
@@ -249,7 +210,7 @@ static void one_tick(servo_loop *l, uint64_t tick, uint32_t skipped, float late_
     l->periods += skipped;
     exchange(l, t);
     l->current = t;
-    answer(l, t, digest);
+    run_tick(l->setup, l->scene, (double)l->periods / l->rate_hz, t, digest);
     l->periods++;
     for (uint32_t h = 0; h < t->hands; h++)
         send(l, &l->line[h], (uint32_t)tick, t->hand[h].out, t->hand[h].out_count);
@@ -269,7 +230,7 @@ static void close_down(servo_loop *l) {
             t->hand[h].in_count = 0;
             t->hand[h].events = PALP_EVENT_ESTOP;
         }
-        answer(l, t, &digest);
+        run_tick(l->setup, l->scene, (double)l->periods / l->rate_hz, t, &digest);
         for (uint32_t h = 0; h < t->hands; h++)
             send(l, &l->line[h], 0, t->hand[h].out, t->hand[h].out_count);
     }
