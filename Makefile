@@ -41,13 +41,13 @@ DDS_UNUSED := port/linux/telemetry_$(if $(DDS),none,dds).c
 DDS_LIBS := $(if $(DDS),$(shell pkg-config --libs CycloneDDS))
 LINUX_LIB := $(filter-out port/linux/palpd.c $(DDS_UNUSED),$(sort $(wildcard port/linux/*.c)))
 obj = $(patsubst %.c,$(BUILD)/%.o,$(1))
-SHARED_OBJ := $(call obj,$(HOST_LIB) $(SIM_LIB)) $(BUILD)/devices.o
+SHARED_OBJ := $(call obj,$(HOST_LIB) $(SIM_LIB)) $(BUILD)/devices.o $(BUILD)/assets.o
 LINUX_OBJ := $(SHARED_OBJ) $(call obj,$(LINUX_LIB)) $(if $(DDS),$(BUILD)/dds/telemetry_idl.o)
-PALP_OBJ := $(SHARED_OBJ) $(call obj,$(TOOLS_LIB))
+PALP_OBJ := $(SHARED_OBJ) $(call obj,$(TOOLS_LIB)) $(BUILD)/page.o
 HOST_OBJ := $(sort $(LINUX_OBJ) $(PALP_OBJ))
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all lib size wcet-proof campaign cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce deps install deb clean help format
+.PHONY: all lib size wcet-proof campaign cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce web deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 lib: $(LIB) ## the library alone; TARGET=cortex-m7 and others of core/targets.mk: for that processor, build/TARGET/libpalp.a
@@ -69,6 +69,27 @@ $(BUILD)/devices.c: $(sort $(wildcard sim/devices/*.dev)) sim/embed.sh
 	@sh sim/embed.sh $(filter %.dev,$^) > $@
 $(BUILD)/devices.o: $(BUILD)/devices.c
 	@$(CC) $(HOST_FLAGS) -c $< -o $@
+
+# Parts of pages, as they are.
+$(BUILD)/assets.o: port/host/assets.S $(wildcard port/host/page/*)
+	@mkdir -p $(@D)
+	@$(CC) -c $< -o $@
+
+# The page with its engine is the same whatever palp is built for; without clang for WebAssembly palp has none.
+PAGE_DIR := build/page
+WASM := $(shell [ -d /usr/lib/wasm32-wasi ] && command -v clang >/dev/null && command -v wasm-ld >/dev/null && echo yes)
+PAGE_SOURCES := $(wildcard sim/web/*.js sim/web/*.css sim/web/*.html sim/web/build.sh port/host/page/*)
+ENGINE_SOURCES := $(wildcard core/*/*.[ch] port/host/*.[ch] port/wasm/* sim/*.[ch] sim/web/*.[ch] tools/*/*.[ch])
+$(PAGE_DIR)/engine.wasm: $(ENGINE_SOURCES) $(sort $(wildcard sim/devices/*.dev))
+	@mkdir -p $(@D)
+	@echo '  WASM $@'
+	@sh sim/embed.sh $(filter %.dev,$^) > $(@D)/devices.c
+	@sh port/wasm/build.sh $@ $(@D)/devices.c
+$(PAGE_DIR)/page.html: $(PAGE_DIR)/engine.wasm $(PAGE_SOURCES)
+	@sh sim/web/build.sh $@ $<
+$(BUILD)/page.o: sim/web/page.S $(if $(WASM),$(PAGE_DIR)/page.html)
+	@mkdir -p $(@D)
+	@$(CC) '-DPAGE="$(if $(WASM),$(PAGE_DIR)/page.html,/dev/null)"' -c $< -o $@
 
 # What idlc makes is not held to our warnings.
 $(BUILD)/dds/telemetry_idl.c: port/linux/telemetry.idl
@@ -126,6 +147,12 @@ demo-dyna: all ## a liver-like body at three resolutions, poked, released, oscil
 	$(BUILD)/palp play $(BUILD)/dyna/liver.palp --scene sim/liver.scene --ns-per-operation 0.15 --report $(BUILD)/dyna/report.html -o $(BUILD)/dyna/ticks.csv
 	$(BUILD)/palpd sim/scenes/liver.scene --no-wait --report $(BUILD)/dyna/felt.html
 	@echo "Look at $(BUILD)/dyna/report.html, and $(BUILD)/dyna/felt.html: felt by a hand; --material jelly, fat, muscle, gel, rubber or hard-rubber make it another"
+
+WEB := build/web
+web: all ## a folder that can be hosted anywhere or opened as one file: build/web/index.html
+	@$(if $(WASM),,echo "no page without clang, lld and wasi-libc: make deps" >&2; exit 1)
+	@mkdir -p $(WEB)
+	@BUILD=$(BUILD) sh sim/web/models.sh $(WEB) $(PAGE_DIR)/engine.wasm
 
 # ---- tests ----
 

@@ -59,12 +59,16 @@ static bool add_key(hand *h, size_t *capacity, const char *name, size_t line, co
     return n > 4;
 }
 
+hand hand_of_person(void) {
+    return (hand){.stiffness_N_per_m = 400,
+                  .damping_Ns_per_m = 6,
+                  .stiffness_Nm_per_rad = 0.5,
+                  .damping_Nms_per_rad = 0.01,
+                  .tremor_m = TREMOR_M};
+}
+
 hand hand_load(const char *name_or_path) {
-    hand h = {.stiffness_N_per_m = 400,
-              .damping_Ns_per_m = 6,
-              .stiffness_Nm_per_rad = 0.5,
-              .damping_Nms_per_rad = 0.01,
-              .tremor_m = TREMOR_M};
+    hand h = hand_of_person();
     size_t bytes, capacity = 0, line = 0;
     bool turns = false;
     bool built_in = strcmp(name_or_path, "touch") == 0;

@@ -32,6 +32,9 @@ typedef struct {
     double tremor_m; /* at 8 to 11 Hz; a hand never holds quite still */
 } hand;
 
+/* A person's hand, without a script yet: as stiff as one is, and never quite still. */
+hand hand_of_person(void);
+
 /*
  * Reads `name_or_path`: "touch" (the built-in script: approach, press, slide, press deep, let go,
  * over ten seconds) or a file of lines `t x y z [rx ry rz [gripper]]`: m, and degrees. Exits 2 with the

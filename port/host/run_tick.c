@@ -14,6 +14,16 @@ void run_begin(const scene_setup *setup, tick_record *t) {
         t->hand[h].in_count = t->hand[h].out_count = t->hand[h].events = 0;
 }
 
+/* By what it feels of each body. */
+static palp_frame tool_at(const palp_scene_report *r, uint32_t bodies, uint32_t tool) {
+    const palp_body_felt *most = &r->felt[0][tool];
+    for (uint32_t b = 1; b < bodies; b++) {
+        const palp_body_felt *f = &r->felt[b][tool];
+        if (palp_norm(f->wrench.force_N) > palp_norm(most->wrench.force_N)) most = f;
+    }
+    return most->tool;
+}
+
 void run_tick(const scene_setup *setup, palp_scene *scene, double t_s, tick_record *t,
               uint64_t *digest) {
     palp_can_frame out[PALP_SCENE_HANDS][PALP_SERVO_FRAMES_OUT];
@@ -38,6 +48,8 @@ void run_tick(const scene_setup *setup, palp_scene *scene, double t_s, tick_reco
             hand->trouble[i] = palp_scene_trouble(scene, h, i);
     }
     for (uint32_t b = 0; b < t->bodies; b++) t->body[b] = report.body[b];
+    for (uint32_t k = 0; k < palp_scene_tools(scene); k++)
+        t->tool[k] = tool_at(&report, t->bodies, k);
     t->joint_count = 0;
     for (uint32_t d = 0; d < palp_scene_drives(scene); d++) {
         if (setup->drive[d].by == PALP_DRIVEN_BY_FRAMES)

@@ -20,6 +20,7 @@ int command_report(int argc, char **argv);
 int command_tool(int argc, char **argv);
 int command_play(int argc, char **argv);
 int command_embed(int argc, char **argv);
+int command_view(int argc, char **argv);
 
 /* palp info --device. */
 void describe_device(const char *name, double rate_hz, bool json);

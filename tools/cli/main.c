@@ -32,6 +32,7 @@ static const struct {
     {"unpack", command_unpack, "a packed blob back into a blob"},
     {"replay", command_replay, "re-run a recorded session bit for bit"},
     {"report", command_report, "draw a recorded session: one self-contained HTML page"},
+    {"view", command_view, "see and touch a body, scene or log on a page in the browser"},
     {"play", command_play, "move a multizone model along a scene, in bounded time"},
     {"embed", command_embed, "a scene as C source, for controllers without files"},
     {"zwidth", command_zwidth, "the largest stable stiffness against rate, delay and damping"},

@@ -1,0 +1,10 @@
+/* SPDX-License-Identifier: MIT */
+/* The web page without a model, for palp view: PAGE names the file. */
+    .section .rodata
+    .global palp_page
+    .global palp_page_end
+palp_page:
+    .incbin PAGE
+palp_page_end:
+    .byte 0
+    .section .note.GNU-stack, "", %progbits
