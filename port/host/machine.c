@@ -17,17 +17,17 @@ static const struct {
     const char *basis;
     const palp_target *cycles;
     float ns_per_cycle;
-} shipped[] = {
-    {&palp_target_x86_64, 0.5f, 0.1f, "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s", NULL,
-     0.0f},
-    {&palp_target_x86_64_avx2, 0.5f, 0.1f, "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s",
-     NULL, 0.0f},
-    {&palp_target_cortex_a53, 1.7f, 0.3f, "1.2 GHz, 2 cycles per instruction, memory at 3 GB/s",
-     NULL, 0.0f},
-    {&palp_target_cortex_m7, 5.0f, 0.0f, "400 MHz, code and data in tightly coupled memory",
-     &palp_target_cortex_m7_cycles, 2.5f},
-    {&palp_target_counted, 0.5f, 0.0f, "not a machine: operations that the code counts itself",
-     NULL, 0.0f}};
+} shipped[] = {{&palp_target_x86_64, 0.5f, 0.1f,
+                "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s", NULL, 0.0f},
+               {&palp_target_x86_64_avx2, 0.5f, 0.1f,
+                "3 GHz, 1.5 cycles per instruction, memory at 10 GB/s", NULL, 0.0f},
+               {&palp_target_cortex_a53, 1.7f, 0.3f,
+                "1.2 GHz, 2 cycles per instruction, memory at 3 GB/s", NULL, 0.0f},
+               {&palp_target_cortex_m7, 5.0f, 0.0f,
+                "400 MHz, code and data in tightly coupled memory", &palp_target_cortex_m7_cycles,
+                2.5f},
+               {&palp_target_counted, 0.5f, 0.0f,
+                "not a machine: operations that the code counts itself", NULL, 0.0f}};
 #define SHIPPED (sizeof shipped / sizeof shipped[0])
 
 const char *machine_word(palp_work kind) { return words[kind]; }

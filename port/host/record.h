@@ -57,9 +57,10 @@ typedef struct {
     palp_body_kind kind[PALP_SCENE_BODIES];
     palp_body_report body[PALP_SCENE_BODIES];
     uint32_t clock_ns[RECORD_CLOCKS]; /* after the first */
-    palp_load load[RECORD_LOADS];     /* forces on the first body, for the display; and, not on record, */
+    palp_load
+        load[RECORD_LOADS]; /* forces on the first body, for the display; and, not on record, */
     palp_frame tool[PALP_CONTACT_TOOLS]; /* where each tool is, by the body that it presses most */
-    uint32_t joint_count;             /* driven by frames */
+    uint32_t joint_count;                /* driven by frames */
     palp_setpoint joint[PALP_SCENE_DRIVES];
     tick_hand hand[]; /* [hands] */
 } tick_record;

@@ -1,20 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/host/report.h"
+#include "core/servo/safety.h"
+#include "port/host/page.h"
 #include "port/host/util.h"
-#include "port/host/view.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define WIDTH 960
-#define HEIGHT 220
-#define LEFT 70
-#define TOP 14
-#define BOTTOM 30
-#define MAX_POINTS 1500
-#define BINS 48
 
 static int compare_floats(const void *a, const void *b) {
     float p = *(const float *)a, q = *(const float *)b;
@@ -98,8 +91,8 @@ static float largest_force(const run_record *r, uint32_t hand) {
     return largest;
 }
 
-/* Writes a line of the summary. */
-typedef void line_writer(FILE *f, const char *name, const char *text);
+/* Writes a line of the summary to a file or a page. */
+typedef void line_writer(void *to, const char *name, const char *text);
 
 #define NOT_IN_LOG "not in the log, which ends before the run does"
 
@@ -117,7 +110,7 @@ static void describe_levels(const size_t count[PALP_CONTACT_LEVELS], char *text,
 
 /* Writes the lines of a summary, one after the other. */
 typedef struct {
-    FILE *file;
+    void *to;
     const run_record *r;
     line_writer *put;
 } summary;
@@ -131,7 +124,7 @@ static void line(const summary *s, const char *name, const char *format, ...) {
     va_start(values, format);
     vsnprintf(text, sizeof text, format, values);
     va_end(values);
-    s->put(s->file, name, text);
+    s->put(s->to, name, text);
 }
 
 /* What a run is, and in which state it ended. */
@@ -299,8 +292,8 @@ static void lines_of_force(const summary *s, uint32_t hand) {
          (double)smallest_energy_margin(r, hand));
 }
 
-static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
-    const summary s = {f, r, put};
+static void summary_lines(void *to, const run_record *r, line_writer *put) {
+    const summary s = {to, r, put};
     lines_of_run(&s);
     lines_of_time(&s);
     lines_of_contact(&s);
@@ -314,92 +307,63 @@ static void summary_lines(FILE *f, const run_record *r, line_writer *put) {
     }
 }
 
-static void put_plain(FILE *f, const char *name, const char *text) {
-    fprintf(f, "%-18s %s\n", name, text);
+static void put_plain(void *file, const char *name, const char *text) {
+    fprintf((FILE *)file, "%-18s %s\n", name, text);
 }
 
 void report_text(FILE *f, const run_record *r) { summary_lines(f, r, put_plain); }
 
-/* ---- charts ---- */
+/* ---- the page ---- */
 
+/* What the lines of the summary mean, shown on hover. */
+static const char *const words[][2] = {
+    {"ticks", "How many periods of the controller, how often, on which bus and device"},
+    {"and", "A further device of the scene"},
+    {"state", "RUN is what should be; DAMPING, FAULT and ESTOP take the force away until a reset"},
+    {"overruns", "Ticks longer than the period, periods without a tick, ticks that did less for "
+                 "want of time: should be 0"},
+    {"tick latency", "From the beginning of a tick to its frames: median, 99 %, 99.9 %, longest; "
+                     "should stay below the period"},
+    {"wake-up lateness", "How much later than asked the system woke the loop"},
+    {"levels",
+     "Ticks on each level of contact: coarser ones have fewer contact points and take less time"},
+    {"contact",
+     "Ticks that touch; points of the surface that carry force; how well they were settled"},
+    {"body",
+     "One body of the scene: its kind, ticks on each level, ticks held as foreseen or shortened"},
+    {"joint", "A joint that another controller moves by set-points in frames"},
+    {"device", "The lines that follow are of this device"},
+    {"frames", "CAN frames: all but accepted and sent should be 0"},
+    {"bus", "Share of the bus that the frames of one period take at worst"},
+    {"guards", "What the guards met: protected frames damaged or missing, encoders frozen, ticks "
+               "braked for passivity"},
+    {"loop", "Page faults in the loop after its start, ticks that came too fast to be recorded: "
+             "should be 0"},
+    {"largest force", "At the hand"},
+    {"energy", "Given to the hand beyond what it put in: should be 0; absorbed from it at the end"},
+};
+
+static void put_row(void *to, const char *name, const char *text) {
+    const char *word = NULL;
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++)
+        if (strcmp(words[i][0], name) == 0) word = words[i][1];
+    page_row(to, name, word, text);
+}
+
+/* What a curve shows of a device's ticks. */
 typedef struct {
-    double low, high;
-    const char *unit;
-} axis_range;
-
-static double y_of(const axis_range *a, double v) {
-    return TOP + (HEIGHT - TOP - BOTTOM) * (a->high - v) / (a->high - a->low);
-}
-
-static double x_of(const run_record *r, size_t i) {
-    return LEFT + (WIDTH - LEFT - 10.0) * (double)i / (double)(r->count > 1 ? r->count - 1 : 1);
-}
-
-static void chart_begin(FILE *f, const char *title, const axis_range *a) {
-    fprintf(f, "<h2>%s</h2>\n<svg class='chart' viewBox='0 0 %d %d'>\n", title, WIDTH, HEIGHT);
-    for (int k = 0; k <= 4; k++) {
-        double v = a->low + (a->high - a->low) * k / 4;
-        fprintf(f,
-                "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' "
-                "y='%.1f'>%.3g</text>\n",
-                LEFT, WIDTH - 10, y_of(a, v), y_of(a, v), LEFT - 6, y_of(a, v) + 4, v);
-    }
-    fprintf(f, "<text class='unit' x='12' y='%d'>%s</text>\n", HEIGHT / 2, a->unit);
-}
-
-static void time_axis(FILE *f, const run_record *r) {
-    double seconds = (double)r->count / r->rate_hz;
-    for (int k = 0; k <= 10; k++) {
-        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%.3g s</text>\n",
-                LEFT + (WIDTH - LEFT - 10.0) * k / 10 + 10, HEIGHT - 10, seconds * k / 10);
-    }
-}
-
-/* One curve; every stretch of ticks that shares a point is drawn as its largest excursion. */
-static void curve(FILE *f, const run_record *r, uint32_t hand, const axis_range *a,
-                  double (*value)(const palp_report *), const char *colour) {
-    const palp_report *tick = r->hand[hand].tick;
-    size_t stretch = r->count / MAX_POINTS + 1;
-    fprintf(f, "<polyline fill='none' stroke='%s' stroke-width='1.3' points='", colour);
-    for (size_t i = 0; i < r->count; i += stretch) {
-        double v = value(&tick[i]);
-        for (size_t k = i; k < i + stretch && k < r->count; k++) {
-            double w = value(&tick[k]);
-            if (fabs(w) > fabs(v)) v = w;
-        }
-        fprintf(f, "%.1f,%.1f ", x_of(r, i), y_of(a, v));
-    }
-    fputs("'/>\n", f);
-}
-
-static void extend(axis_range *a, const run_record *r, uint32_t hand,
-                   double (*value)(const palp_report *)) {
-    for (size_t i = 0; i < r->count; i++) {
-        double v = value(&r->hand[hand].tick[i]);
-        a->low = fmin(a->low, v);
-        a->high = fmax(a->high, v);
-    }
-    if (!(a->high > a->low)) a->high = a->low + 1;
-}
-
-typedef struct {
+    const run_record *r;
+    const palp_report *tick;
     double (*value)(const palp_report *);
-    const char *colour, *name;
-} series;
+} curve;
 
-static void chart(FILE *f, const run_record *r, uint32_t hand, const char *title, const char *unit,
-                  const series *s, size_t count) {
-    axis_range a = {0, 0, unit};
-    char of[160];
-    snprintf(of, sizeof of, "%s: device %" PRIu32 ", %s", title, hand, r->hand[hand].device_name);
-    for (size_t i = 0; i < count; i++) extend(&a, r, hand, s[i].value);
-    chart_begin(f, r->hands > 1 ? of : title, &a);
-    for (size_t i = 0; i < count; i++) curve(f, r, hand, &a, s[i].value, s[i].colour);
-    time_axis(f, r);
-    fputs("</svg>\n<p class='key'>", f);
-    for (size_t i = 0; i < count; i++)
-        fprintf(f, "<span style='color:%s'>&#9632;</span> %s &nbsp; ", s[i].colour, s[i].name);
-    fputs("</p>\n", f);
+static double curve_value(const void *context, size_t i) {
+    const curve *c = context;
+    return c->value(&c->tick[i]);
+}
+static double late_value(const void *context, size_t i) {
+    const curve *c = context;
+    return (double)c->r->late_us[i];
 }
 
 static double force_norm(const palp_report *t) { return (double)palp_norm(t->force_N); }
@@ -408,86 +372,147 @@ static double force_y(const palp_report *t) { return (double)t->force_N.y; }
 static double force_z(const palp_report *t) { return (double)t->force_N.z; }
 static double stored(const palp_report *t) { return 1e3 * (double)t->stored_J; }
 static double absorbed(const palp_report *t) { return 1e3 * (double)t->absorbed_J; }
+static double given(const palp_report *t) { return 1e3 * (double)t->given_J; }
 static double active(const palp_report *t) { return t->active; }
 static double points(const palp_report *t) { return t->points; }
 static double level(const palp_report *t) { return t->level; }
+static double tip_x(const palp_report *t) { return 1e3 * (double)t->tip_m.x; }
+static double tip_y(const palp_report *t) { return 1e3 * (double)t->tip_m.y; }
 static double tip_z(const palp_report *t) { return 1e3 * (double)t->tip_m.z; }
+static double latency(const palp_report *t) { return 1e-3 * (double)t->elapsed_ns; }
 
-static void histogram(FILE *f, const run_record *r) {
-    float *us = tick_times_us(r);
-    double count[BINS] = {0};
-    /* Bins grow by a constant factor over six decades, from 0.1 us to 100 ms. */
-    for (size_t i = 0; i < r->count; i++) {
-        double bin = (log10(fmax((double)us[i], 0.1)) + 1) * BINS / 6;
-        count[bin >= BINS ? BINS - 1 : (int)bin] += 1;
-    }
-    axis_range a = {0, log10((double)r->count) + 0.1, "ticks"};
-    fprintf(f, "<h2>Latency of the tick</h2>\n<svg class='chart' viewBox='0 0 %d %d'>\n", WIDTH,
-            HEIGHT);
-    for (int k = 0; k <= (int)a.high; k++) {
-        fprintf(f,
-                "<line class='grid' x1='%d' x2='%d' y1='%.1f' y2='%.1f'/><text class='tick' x='%d' "
-                "y='%.1f'>%.0f</text>\n",
-                LEFT, WIDTH - 10, y_of(&a, k), y_of(&a, k), LEFT - 6, y_of(&a, k) + 4, pow(10, k));
-    }
-    double w = (WIDTH - LEFT - 10.0) / BINS;
-    for (int k = 0; k < BINS; k++) {
-        double height = count[k] > 0 ? log10(count[k]) + 0.1 : 0;
-        fprintf(f, "<rect class='bar' x='%.1f' width='%.1f' y='%.1f' height='%.1f'/>\n",
-                LEFT + w * k, w - 1.5, y_of(&a, height), y_of(&a, 0) - y_of(&a, height));
-    }
-    for (int decade = -1; decade <= 5; decade++) {
-        fprintf(f, "<text class='tick' x='%.1f' y='%d'>%g us</text>\n",
-                LEFT + w * BINS * (decade + 1) / 6.0 + 14, HEIGHT - 10, pow(10, decade));
-    }
-    fputs("</svg>\n", f);
-    free(us);
+typedef struct {
+    double (*value)(const palp_report *);
+    const char *name;
+    bool step;
+} series;
+
+static const series of_force[] = {{force_norm, "force", false},
+                                  {force_x, "x", false},
+                                  {force_y, "y", false},
+                                  {force_z, "z", false}};
+static const series of_place[] = {{tip_z, "z", false}, {tip_x, "x", false}, {tip_y, "y", false}};
+static const series of_level[] = {{level, "level", true}};
+static const series of_points[] = {{active, "in contact", true}, {points, "laid", true}};
+static const series of_energy[] = {{absorbed, "absorbed from the hand", false},
+                                   {stored, "stored in body and coupling", false},
+                                   {given, "given to the hand", false}};
+
+typedef struct {
+    const char *title, *word, *unit;
+    page_axis axis;
+    const series *series;
+    size_t count;
+    bool of_each; /* device */
+} chart;
+
+#define CHART(title, word, unit, axis, list, of_each)                                              \
+    { title, word, unit, axis, list, sizeof list / sizeof list[0], of_each }
+
+static const chart charts[] = {
+    CHART("Force on the hand",
+          "What the device renders at its tip, and its parts along the device's axes", "N",
+          PAGE_ZERO, of_force, true),
+    CHART("Place of the tip",
+          "In the device's coordinates: z = 0 is where the tool just touches, above 0 is away from "
+          "the body",
+          "mm", PAGE_FREE, of_place, true),
+    CHART("Level of contact",
+          "Coarser levels, with smaller numbers, have fewer contact points and take less time", "",
+          PAGE_WHOLE, of_level, false),
+    CHART("Contact points",
+          "Places of the surface under the tool: those that carry force, of those that were laid",
+          "", PAGE_WHOLE, of_points, false),
+    CHART("Energy",
+          "Absorbed and stored may rise and fall; given to the hand, beyond what it has put in, "
+          "should stay 0",
+          "mJ", PAGE_ZERO, of_energy, true)};
+
+static void put_curve(page *p, const run_record *r, uint32_t hand, const series *s) {
+    const curve c = {r, r->hand[hand].tick, s->value};
+    const page_curve_spec spec = {s->name, r->first_s, 1 / r->rate_hz, r->count, s->step};
+    page_curve(p, &spec, curve_value, &c);
 }
 
-static void put_row(FILE *f, const char *name, const char *text) {
-    fprintf(f, "<tr><td>%s</td><td>", name);
-    print_escaped(f, text);
-    fputs("</td></tr>\n", f);
+static void put_chart(page *p, const run_record *r, const chart *of, uint32_t hand) {
+    char title[160];
+    snprintf(title, sizeof title, "%s: device %" PRIu32 ", %s", of->title, hand,
+             r->hand[hand].device_name);
+    page_chart(p, r->hands > 1 && of->of_each ? title : of->title, of->word, of->unit, of->axis);
+    for (size_t i = 0; i < of->count; i++) put_curve(p, r, hand, &of->series[i]);
+}
+
+static void put_latency(page *p, const run_record *r) {
+    static const series tick = {latency, "tick", false};
+    const curve c = {r, NULL, NULL};
+    page_chart(p, "Latency",
+               "From the beginning of a tick to its frames; and how much later than asked the "
+               "system woke the loop",
+               "us", PAGE_ZERO);
+    put_curve(p, r, 0, &tick);
+    const page_curve_spec late = {"wake-up", r->first_s, 1 / r->rate_hz, r->count, false};
+    if (r->late_us != NULL) page_curve(p, &late, late_value, &c);
+}
+
+/* ---- what happened ---- */
+
+static const struct {
+    uint32_t bit;
+    bool bad;
+    const char *text;
+} bus_events[] = {{PALP_EVENT_BUS_OFF, true, "bus off"},
+                  {PALP_EVENT_BUS_DOWN, true, "bus down"},
+                  {PALP_EVENT_BUS_FULL, true, "bus full: a frame was not sent"},
+                  {PALP_EVENT_BUS_WARNING, true, "bus warns of errors"},
+                  {PALP_EVENT_OVERFLOW, true, "frames were dropped on the way in"},
+                  {PALP_EVENT_LATE, true, "begun late"},
+                  {PALP_EVENT_RESET, false, "reset by the operator"},
+                  {PALP_EVENT_ESTOP, true, "emergency stop"}};
+
+/* What begins in tick i, and was not so in the one before. */
+static void put_events_at(page *p, const run_record *r, uint32_t hand, size_t i) {
+    const run_hand *h = &r->hand[hand];
+    const palp_report *now = &h->tick[i], *before = i > 0 ? &h->tick[i - 1] : NULL;
+    const double t_s = r->first_s + (double)i / r->rate_hz;
+    char text[192], which[24] = "", faults[128];
+    if (r->hands > 1) snprintf(which, sizeof which, "device %" PRIu32 ": ", hand);
+    if (before == NULL || now->state != before->state) {
+        snprintf(text, sizeof text, "%s%s", which, report_state(now->state));
+        page_event(p, t_s, palp_state_is_stopped(now->state), text);
+    }
+    const uint32_t fresh = now->faults & ~(before != NULL ? before->faults : 0);
+    if (fresh != 0) {
+        report_faults(fresh, faults, sizeof faults);
+        snprintf(text, sizeof text, "%s%s", which, faults);
+        page_event(p, t_s, true, text);
+    }
+    if (h->events == NULL) return;
+    const uint32_t new_events = h->events[i] & ~(i > 0 ? h->events[i - 1] : 0);
+    for (size_t k = 0; k < sizeof bus_events / sizeof bus_events[0]; k++) {
+        if ((new_events & bus_events[k].bit) == 0) continue;
+        snprintf(text, sizeof text, "%s%s", which, bus_events[k].text);
+        page_event(p, t_s, bus_events[k].bad, text);
+    }
 }
 
 void report_html(FILE *f, const run_record *r) {
-    static const series force[] = {{force_norm, "#222", "norm"},
-                                   {force_x, "#c0392b", "x"},
-                                   {force_y, "#27853f", "y"},
-                                   {force_z, "#2d6cb5", "z"}};
-    static const series energy[] = {{absorbed, "#8e44ad", "absorbed from the hand"},
-                                    {stored, "#d68910", "stored in body and coupling"}};
-    static const series contact[] = {{points, "#bbb", "contact points"},
-                                     {active, "#2d6cb5", "in contact"},
-                                     {level, "#c0392b", "level"}};
-    static const series motion[] = {{tip_z, "#222", "tip height"}};
-    fprintf(
-        f,
-        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'><title>Palp "
-        "run</title>\n<style>\n"
-        "body{font:15px/1.45 system-ui,sans-serif;max-width:1000px;margin:24px auto;padding:0 "
-        "16px;color:#222;background:#fff}\n"
-        "h1{font-size:24px}h2{font-size:17px;margin:26px 0 "
-        "4px}.chart{width:100%%;background:#fbfaf8;border:1px solid #e5e1da}\n"
-        ".grid{stroke:#e2ddd4}.tick{font-size:11px;fill:#666;text-anchor:end}.unit{font-size:12px;"
-        "fill:#444}.bar{fill:#2d6cb5}\n"
-        ".key{margin:2px 0;color:#555;font-size:13px}table{border-collapse:collapse}td{padding:2px "
-        "14px 2px 0;vertical-align:top}\n"
-        "td:first-child{color:#666;white-space:nowrap}</style></head><body>\n<h1>Palp: ");
-    print_escaped(f, r->title);
-    fputs("</h1>\n<table>\n", f);
-    summary_lines(f, r, put_row);
-    fputs("</table>\n", f);
-    if (r->displacement_m != NULL) {
-        fputs("<h2>At the largest force</h2>\n", f);
-        view_draw(f, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, WIDTH, 560);
+    page p;
+    page_begin(&p, f, r->title);
+    summary_lines(&p, r, put_row);
+    page_curves(&p);
+    for (size_t c = 0; c < sizeof charts / sizeof charts[0]; c++) {
+        for (uint32_t h = 0; h < (charts[c].of_each ? r->hands : 1); h++)
+            put_chart(&p, r, &charts[c], h);
+        if (charts[c].series == of_points) put_latency(&p, r);
     }
-    for (uint32_t h = 0; h < r->hands; h++) {
-        chart(f, r, h, "Force on the hand", "N", force, 4);
-        chart(f, r, h, "Energy", "mJ", energy, 2);
-    }
-    histogram(f, r);
-    chart(f, r, 0, "Contact and level", "", contact, 3);
-    for (uint32_t h = 0; h < r->hands; h++) chart(f, r, h, "Motion", "mm", motion, 1);
-    fputs("</body></html>\n", f);
+    page_events(&p);
+    for (size_t i = 0; i < r->count; i++)
+        for (uint32_t h = 0; h < r->hands; h++) put_events_at(&p, r, h, i);
+    float *us = tick_times_us(r);
+    page_end(&p, &(page_rest){.motion = r->motion,
+                              .histogram = "Latency of the tick: how often",
+                              .unit = "us",
+                              .x = us,
+                              .count = r->count});
+    free(us);
 }

@@ -3,12 +3,14 @@
 #ifndef PALP_SIM_REPORT_H
 #define PALP_SIM_REPORT_H
 
+#include "port/host/motion.h"
 #include "port/host/record.h"
 #include <stdio.h>
 
 /* What a device went through. */
 typedef struct {
     palp_report *tick; /* [count] */
+    uint32_t *events;  /* [count] PALP_EVENT_ bits of its bus and operator; NULL: not kept */
     run_totals totals;
     const char *device_name, *bus_name, *bus_load;
 } run_hand;
@@ -41,11 +43,9 @@ typedef struct {
     bool totalled; /* totals are known */
     bool from_log; /* then ticks lack what a log does not hold */
     double rate_hz;
-    /* The instant of the largest force, for the picture. */
-    float *displacement_m; /* [nodes][3]; NULL: none */
-    float tool_m[3], tool_radius_m;
+    double first_s;       /* of the first tick that is here */
+    const motion *motion; /* of bodies and tools; NULL: not known */
     const char *title;
-    const palp_blob *blob;
 } run_record;
 
 /* Names the joints of a scene that are driven by frames. */

@@ -225,3 +225,32 @@ void shape_update(shape *s) {
         restore(body, &before);
     }
 }
+
+/* ---- motions ---- */
+
+void shape_to_motion(const shape *s, motion *m, size_t bytes) {
+    const palp_scene_config *c = &s->setup->config;
+    m->parts = s->parts;
+    for (uint32_t i = 0; i < s->parts; i++) {
+        const shape_part *p = &s->part[i];
+        const scene_part *of = &s->setup->part[p->body];
+        m->part[i] = (motion_part){.nodes = p->nodes,
+                                   .triangles = p->triangles,
+                                   .triangle = p->triangle,
+                                   .fixed = p->fixed,
+                                   .far_off = of->kind == PALP_BODY_ZONES};
+        m->part[i].rest_m = copy(p->rest_m, 3 * (size_t)p->nodes); /* a zone moves */
+        m->part[i].name = of->kind == PALP_BODY_ZONES ? of->zones.zone[p->zone].name
+                                                      : s->setup->file->body[p->body].name;
+    }
+    m->tools = c->tools;
+    for (uint32_t t = 0; t < m->tools; t++) m->tool[t] = &s->setup->tool[t].tool;
+    motion_begin(m, bytes);
+}
+
+void shape_add_frame(shape *s, motion *m, double t_s, const palp_frame *tool) {
+    const float *at[SHAPE_PARTS];
+    shape_update(s);
+    for (uint32_t i = 0; i < s->parts; i++) at[i] = s->part[i].at_m;
+    motion_add(m, t_s, at, tool);
+}

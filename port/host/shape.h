@@ -4,6 +4,7 @@
 #ifndef PALP_HOST_SHAPE_H
 #define PALP_HOST_SHAPE_H
 
+#include "port/host/motion.h"
 #include "port/host/openscene.h"
 
 #define SHAPE_PARTS (PALP_SCENE_BODIES * PALP_MAX_ZONES)
@@ -39,6 +40,11 @@ shape *shape_open(const scene_setup *setup, palp_scene *scene);
 /* As the last tick left it. Changes nothing that a tick reads, so it may be called between any two. Cost: a
  * transform of each body. */
 void shape_update(shape *s);
+
+/* The parts and tools of a motion, empty so far, that is to show the scene; and a frame as the last tick left
+ * it, with the tools tool[tools]. */
+void shape_to_motion(const shape *s, motion *m, size_t bytes);
+void shape_add_frame(shape *s, motion *m, double t_s, const palp_frame *tool);
 
 void shape_close(shape *s);
 

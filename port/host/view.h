@@ -13,20 +13,4 @@
 void view_draw(FILE *f, const palp_blob *blob, const float *displacement_m, const float tool_m[3],
                float tool_radius_m, int width, int height);
 
-/* A posed surface, and a rigid cylinder. */
-typedef struct {
-    uint32_t nodes, triangles;
-    const uint32_t *triangle;
-    const float *position_m, *heat; /* [nodes][3], [nodes] displacement */
-} view_body;
-
-typedef struct {
-    double center[3], axis[3], radius, half;
-} view_cylinder;
-
-/* Draws bodies side on (x to the right, z up, a little from above and before); cylinder: NULL for
- * none. */
-void view_posed(FILE *f, const view_body *body, uint32_t bodies, const view_cylinder *cylinder,
-                int width, int height);
-
 #endif

@@ -55,17 +55,6 @@ static void announce(follower *f, const tick_hand *t, uint32_t hand) {
 
 /* ---- what is kept ---- */
 
-static void keep_peak(follow_peak *p, const tick_record *t) {
-    for (uint32_t h = 0; h < t->hands; h++) {
-        const float force = palp_norm(t->hand[h].report.force_N);
-        if (force <= p->force_N) continue;
-        p->force_N = force;
-        p->tool_m = t->hand[h].report.tool.t;
-        p->count = t->load_count;
-        memcpy(p->load, t->load, t->load_count * sizeof t->load[0]);
-    }
-}
-
 static void consume_tick(follower *f, const tick_record *t) {
     run_record *r = &f->record;
     const uint64_t tick = t->hand[0].report.tick;
@@ -77,13 +66,14 @@ static void consume_tick(follower *f, const tick_record *t) {
     f->last_tick = tick;
     f->digest = t->digest;
     f->exchanged = f->exchanged || t->exchanged;
-    if (!f->exchanged) keep_peak(&f->peak, t);
+    if (!f->exchanged && f->picture != NULL) picture_take(f->picture, (double)tick / r->rate_hz, t);
     const size_t at = (size_t)(f->taken++ % f->capacity); /* a longer run keeps its last ticks */
     if (r->late_us != NULL) r->late_us[at] = t->late_us;
     if (r->count < f->capacity) r->count++;
     const uint64_t every = (uint64_t)(r->rate_hz / DDS_HZ + 0.5);
     for (uint32_t h = 0; h < t->hands; h++) {
         r->hand[h].tick[at] = t->hand[h].report;
+        r->hand[h].events[at] = t->hand[h].events;
         memcpy(f->trouble[h], t->hand[h].trouble, sizeof f->trouble[h]);
         f->counters[h] = t->hand[h].counters;
         if (f->telemetry[h] != NULL && tick % (every > 0 ? every : 1) == 0)
@@ -122,6 +112,7 @@ void follow_begin(follower *f, size_t capacity) {
     if (f->loop->paced) r->late_us = allocate(capacity, sizeof *r->late_us);
     for (uint32_t h = 0; h < r->hands; h++) {
         r->hand[h].tick = allocate(capacity, sizeof *r->hand[h].tick);
+        r->hand[h].events = allocate(capacity, sizeof *r->hand[h].events);
         r->hand[h].device_name = copy_string(s->device[h].name); /* scenes come and go */
         r->hand[h].bus_name = copy_string(s->file->device[h].bus);
     }
@@ -150,7 +141,10 @@ void follow_end(follower *f) {
         r->late_us = unrolled(r->late_us, sizeof *r->late_us, r->count, start);
     for (uint32_t h = 0; h < r->hands; h++) {
         run_hand *of = &r->hand[h];
-        if (start > 0) of->tick = unrolled(of->tick, sizeof *of->tick, r->count, start);
+        if (start > 0) {
+            of->tick = unrolled(of->tick, sizeof *of->tick, r->count, start);
+            of->events = unrolled(of->events, sizeof *of->events, r->count, start);
+        }
         of->totals = (run_totals){.counters = f->counters[h],
                                   .frames_sent = l->line[h].port.sent,
                                   .frames_lost = l->line[h].port.lost,
@@ -159,4 +153,5 @@ void follow_end(follower *f) {
                                   .minor_faults = l->minor_faults};
     }
     r->totalled = true;
+    r->first_s = (double)r->hand[0].tick[0].tick / r->rate_hz;
 }

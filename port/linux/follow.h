@@ -6,16 +6,9 @@
 
 #include "port/host/report.h"
 #include "port/linux/loop.h"
+#include "port/linux/picture.h"
 #include "port/linux/telemetry.h"
 #include <signal.h>
-
-/* The contacts at the largest force so far, kept for the picture. */
-typedef struct {
-    palp_load load[RECORD_LOADS];
-    uint32_t count;
-    float force_N;
-    palp_vec3 tool_m;
-} follow_peak;
 
 typedef struct {
     servo_loop *loop;
@@ -24,8 +17,8 @@ typedef struct {
     void (*serve)(void *context); /* called between looks at the ring; NULL: none */
     void *context;
     telemetry *telemetry[PALP_SCENE_HANDS];
-    bool home; /* mechanisms were said to stand at home */
-    follow_peak peak;
+    bool home;        /* mechanisms were said to stand at home */
+    picture *picture; /* for a page or a view; NULL: none */
     run_record record;
     size_t capacity;
     uint64_t digest, taken, last_tick;

@@ -244,23 +244,6 @@ static scene_file *describe(daemon_spec *s) {
     return f;
 }
 
-static float *peak_displacement(const palp_blob *blob, const follow_peak *p) {
-    palp_field field;
-    size_t bytes = palp_field_memsize(blob);
-    void *memory = allocate_aligned(bytes, 1);
-    float *u = allocate(3 * (size_t)blob->meta->nodes, sizeof *u);
-    if (palp_field_init(&field, blob, memory, bytes) != PALP_OK)
-        die(EXIT_WORK, "the field does not open");
-    palp_field_update(&field, p->load, p->count);
-    const float *x = palp_field_reconstruct(&field, blob->meta->levels - 1);
-    for (uint32_t s = 0; s < blob->domain[PALP_FREE].slots; s++) {
-        for (uint32_t k = 0; k < 3; k++)
-            u[3 * blob->domain[PALP_FREE].node[s] + k] = x[PALP_FIELD_LANES * s + k];
-    }
-    free(memory);
-    return u;
-}
-
 /* The simulated devices of --bus loop. */
 static sim_bus simulated[PALP_SCENE_HANDS];
 static device_file simulated_file[PALP_SCENE_HANDS]; /* scenes come and go */
@@ -500,14 +483,14 @@ static void write_results(follower *f, daemon_output *out) {
         r->hand[h].totals.frames_sent = simulated[h].sent;
         r->hand[h].totals.frames_lost = simulated[h].lost;
     }
-    if (s->part[0].kind == PALP_BODY_ELASTIC && !f->exchanged) {
-        const palp_vec3 tool = palp_carry_back(&s->body[0].at, f->peak.tool_m);
-        r->blob = &s->part[0].blob;
-        r->displacement_m = peak_displacement(r->blob, &f->peak);
-        memcpy(r->tool_m, &tool, sizeof r->tool_m);
-        r->tool_radius_m = s->touch[0].tool_radius_m;
-    }
     report_text(stdout, r);
+    picture *p = f->exchanged ? NULL : f->picture;
+    float *displacement_m = NULL;
+    if (p != NULL) {
+        displacement_m = allocate(3 * (size_t)p->blob->meta->nodes, sizeof *displacement_m);
+        picture_end(p, displacement_m);
+        r->motion = &p->motion;
+    }
     if (out->log.file != NULL) {
         run_totals totals[PALP_SCENE_HANDS];
         for (uint32_t h = 0; h < r->hands; h++) totals[h] = r->hand[h].totals;
@@ -518,8 +501,10 @@ static void write_results(follower *f, daemon_output *out) {
         report_html(out->page.file, r);
         commit_output(&out->page);
     }
-    if (out->view.file != NULL && r->displacement_m != NULL) {
-        view_draw(out->view.file, r->blob, r->displacement_m, r->tool_m, r->tool_radius_m, 960,
+    if (out->view.file != NULL && p != NULL) {
+        const palp_vec3 at = palp_carry_back(&p->at, p->peak_tool[0].t);
+        const float tool_m[3] = {at.x, at.y, at.z};
+        view_draw(out->view.file, p->blob, displacement_m, tool_m, s->touch[0].tool_radius_m, 960,
                   560);
         commit_output(&out->view);
     }
@@ -582,6 +567,7 @@ int main(int argc, char **argv) {
                          ? (size_t)fmin(file->seconds * file->rate_hz + 1, MAX_RECORDED)
                          : MAX_RECORDED);
     f.record.title = s.blob;
+    if (s.report != NULL || s.view != NULL) f.picture = picture_open(setup);
     for (uint32_t h = 0; h < file->devices; h++) {
         f.record.hand[h].bus_load = load[h];
         if (s.dds) f.telemetry[h] = telemetry_open(&setup->device[h].device, h);

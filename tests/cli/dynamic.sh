@@ -29,7 +29,7 @@ awk -F, 'NR == 1 {for (i = 1; i <= NF; i++) c[$i] = i} NR > 1 && $c["probe_fz"] 
 ok $? "it pushes back, splits and merges"
 "$palp" play bar.palp --scene poke.scene --ns-per-operation 0.15 -o out2.csv > /dev/null && cut -d, -f1-24 out1.csv > a.txt && cut -d, -f1-24 out2.csv > b.txt && cmp -s a.txt b.txt
 ok $? "twice the same to the last digit"
-grep -q "<canvas id='animation'" poke.html && ! grep -q 'http://[^w]' poke.html
+grep -q '"motion": {' poke.html && ! grep -q 'http://[^w]' poke.html
 ok $? "a report with the body in motion, self-contained"
 "$palp" play bar.palp --scene poke.scene --uniform --ns-per-operation 0.001 > uniform.txt && grep -q '1.0 times as many' uniform.txt
 ok $? "the finest mesh everywhere, for comparison"

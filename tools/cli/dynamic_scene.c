@@ -2,18 +2,16 @@
 /* palp play of a dynamic body: tools follow a scene, the body moves, every tick within a budget. */
 #include "core/dyna/skin.h"
 #include "core/servo/dynamic.h"
-#include "tools/cli/animation.h"
 #include "tools/cli/play.h"
 #include "port/host/scenefile.h"
-#include "tools/study/plot.h"
 #include "port/host/blobfile.h"
+#include "port/host/page.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define FRAMES_HZ 30.0
 #define POINTS 64
 
 /* Orders of magnitude for soft things, from soft to stiff. */
@@ -43,7 +41,9 @@ typedef struct {
     double begun_s;
     size_t ticks;
     dynamic_tick *tick;
-    animation animation;
+    motion motion;
+    float *rest_m; /* [skin][3] */
+    uint8_t *fixed;
     double jump_m, step_m, fade_m; /* of the surface: largest difference that a change left
                    to fade; largest motion, and beyond it, of a vertex in a tick */
 } player;
@@ -86,6 +86,29 @@ static palp_vec3 vec(const double x[3]) {
     return (palp_vec3){(float)x[0], (float)x[1], (float)x[2]};
 }
 
+static void open_motion(player *p) {
+    const palp_tets *t = &p->tets;
+    const uint32_t skin = t->meta->skin;
+    p->rest_m = allocate(3 * (size_t)skin, sizeof *p->rest_m);
+    p->fixed = allocate(skin, 1);
+    for (uint32_t i = 0; i < skin; i++) {
+        memcpy(p->rest_m + 3 * (size_t)i, t->rest_m + 3 * (size_t)t->skin_node[i],
+               3 * sizeof(float));
+        p->fixed[i] = (t->node[t->skin_node[i]].flags & PALP_TET_PINNED) != 0 ? 1 : 0;
+    }
+    motion *m = &p->motion;
+    m->parts = 1;
+    m->part[0] = (motion_part){.nodes = skin,
+                               .triangles = t->meta->skin_triangles,
+                               .triangle = t->skin_triangle,
+                               .fixed = p->fixed,
+                               .rest_m = p->rest_m};
+    m->tools = p->tools;
+    for (uint32_t k = 0; k < p->tools; k++) m->tool[k] = &p->tool[k];
+    m->level = p->body.dyna.skin_level;
+    motion_begin(m, MOTION_PAGE_BYTES);
+}
+
 static void open_body(player *p) {
     const play_spec *s = p->spec;
     scene_tools(p->s, p->tool, p->which, &p->tools);
@@ -122,12 +145,7 @@ static void open_body(player *p) {
         die(EXIT_WORK, "%s: %s (is the material sound?)", s->blob, palp_status_text(status));
     bytes = palp_skin_memsize(&p->tets);
     (void)palp_skin_init(&p->skin, &p->body.dyna, allocate_aligned(bytes, 1), bytes);
-    float reach = 0.0f;
-    for (uint32_t i = 0; i < p->tets.meta->nodes; i++)
-        reach = palp_max(reach, palp_norm(palp_vec3_at(p->tets.rest_m + 3 * (size_t)i)));
-    p->animation = animation_open(p->tets.meta->skin, p->tets.meta->skin_triangles,
-                                  p->tets.skin_triangle, 1 / FRAMES_HZ, 3 * (double)reach,
-                                  p->s->has[SCENE_PROBE] ? p->s->probe_radius_m : 0);
+    open_motion(p);
 }
 
 /* Largest displacement of the surface, and how it stepped. */
@@ -145,7 +163,7 @@ static void look_at_surface(player *p, dynamic_tick *k, const float *before) {
 }
 
 static void run(player *p) {
-    size_t frame_every = (size_t)fmax(1, p->s->rate_hz / FRAMES_HZ), skin = p->tets.meta->skin;
+    const size_t skin = p->tets.meta->skin;
     p->ticks = (size_t)(p->s->seconds * p->s->rate_hz);
     if (p->ticks == 0) die(EXIT_USAGE, "%s: not one tick in its time", p->spec->scene);
     if (p->ticks > MOST_TICKS)
@@ -169,12 +187,9 @@ static void run(player *p) {
         memcpy(before, p->skin.position_m, 3 * skin * sizeof *before);
         palp_skin_update(&p->skin, (float)(1 / p->s->rate_hz));
         look_at_surface(p, k, before);
-        if (i % frame_every == 0 && p->spec->report != NULL) {
-            double ball[3];
-            scene_at(&p->s->track[SCENE_PROBE], k->t_s, ball);
-            const float b[3] = {(float)ball[0], (float)ball[1], (float)ball[2]};
-            animation_add(&p->animation, p->skin.position_m, p->body.dyna.skin_level, b);
-        }
+        const float *const skin_m[1] = {p->skin.position_m};
+        if (p->spec->report != NULL && motion_wants(&p->motion, k->t_s))
+            motion_add(&p->motion, k->t_s, skin_m, at);
     }
     free(before);
 }
@@ -214,7 +229,8 @@ static percentiles times(const player *p, bool wall) {
     return s;
 }
 
-static void summary(FILE *f, const player *p) {
+static void summary(FILE *f, const void *context) {
+    const player *p = context;
     double force = 0, displaced = 0, work = 0, most = 0, fine = fine_work(p);
     uint32_t splits = 0, merges = 0, refused = 0, overflow = 0, active[PALP_TET_LEVELS] = {0};
     size_t shortened = 0, collapsed = 0, coasted = 0, energy_limited = 0, lost = 0;
@@ -306,7 +322,7 @@ static void write_csv(const player *p, const char *path) {
 }
 
 typedef struct {
-    const char *title, *unit;
+    const char *title, *word, *unit;
     uint32_t series;
     double (*value)(const dynamic_tick *, uint32_t);
     const char *name[PALP_TET_LEVELS];
@@ -331,51 +347,74 @@ static double value_time(const dynamic_tick *k, uint32_t which) {
     return which == 0 ? k->asked_us : k->wall_us;
 }
 
-static void draw(FILE *f, const player *p, const graph *g) {
-    size_t step = p->ticks / 1500 + 1, n = p->ticks / step;
-    plot_series *series = allocate(g->series, sizeof *series);
-    double *x = allocate(n + 1, sizeof *x), *y = allocate((n + 1) * g->series, sizeof *y);
-    for (size_t i = 0; i < n; i++) x[i] = p->tick[i * step].t_s;
+/* What a curve shows. */
+typedef struct {
+    const player *p;
+    const graph *g;
+    uint32_t number;
+} curve;
+
+static double curve_value(const void *context, size_t i) {
+    const curve *c = context;
+    return c->g->value(&c->p->tick[i], c->number);
+}
+
+static void draw(page *to, const player *p, const graph *g) {
+    page_chart(to, g->title, g->word, g->unit, PAGE_ZERO);
     for (uint32_t k = 0; k < g->series; k++) {
-        for (size_t i = 0; i < n; i++) y[k * n + i] = g->value(&p->tick[i * step], k);
-        series[k] = (plot_series){.count = n, .x = x, .y = y + k * n};
-        snprintf(series[k].name, sizeof series[k].name, "%s", g->name[k]);
+        if (g->value == value_force && !p->s->has[k]) continue;
+        const curve c = {p, g, k};
+        const page_curve_spec spec = {g->name[k], p->tick[0].t_s, 1 / p->s->rate_hz, p->ticks,
+                                      false};
+        page_curve(to, &spec, curve_value, &c);
     }
-    plot_svg(f, &(plot_chart){.title = g->title,
-                              .x_label = "time (s)",
-                              .y_label = g->unit,
-                              .series = series,
-                              .count = g->series});
-    free(series);
-    free(x);
-    free(y);
 }
 
 static void write_report(const player *p, const char *path) {
-    const graph graphs[] = {
-        {"Force on the tools", "N", SCENE_TRACKS, value_force, {"object", "probe"}},
-        {"Largest displacement of the surface", "m", 1, value_moved, {"displacement"}},
-        {"Active nodes",
-         "nodes",
-         p->tets.meta->levels,
-         value_active,
-         {"level 0", "level 1", "level 2", "level 3", "level 4"}},
-        {"Element evaluations in a tick", "evaluations", 1, value_work, {"evaluations"}},
-        {"Energy", "J", 2, value_energy, {"kinetic", "with what is stored and can fall"}},
-        {"Time of a tick", "us", 2, value_time, {"by operations counted", "wall clock"}}};
+    const graph graphs[] = {{"Force on the tools",
+                             "What each tool feels",
+                             "N",
+                             SCENE_TRACKS,
+                             value_force,
+                             {"object", "probe"}},
+                            {"Largest displacement of the surface",
+                             "Of any of its vertices, from rest",
+                             "m",
+                             1,
+                             value_moved,
+                             {"displacement"}},
+                            {"Active nodes",
+                             "Nodes at work on each mesh, coarse to fine",
+                             "nodes",
+                             p->tets.meta->levels,
+                             value_active,
+                             {"level 0", "level 1", "level 2", "level 3", "level 4"}},
+                            {"Element evaluations in a tick",
+                             "Work: an element counts once for each of its steps",
+                             "evaluations",
+                             1,
+                             value_work,
+                             {"evaluations"}},
+                            {"Energy",
+                             "Of motion; and all that can fall",
+                             "J",
+                             2,
+                             value_energy,
+                             {"kinetic", "with what is stored and can fall"}},
+                            {"Time of a tick",
+                             "By the clock that budgets it, and by this machine's",
+                             "us",
+                             2,
+                             value_time,
+                             {"by operations counted", "wall clock"}}};
     output out = open_output(path);
-    FILE *f = out.file;
-    fputs("<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Palp: a dynamic body"
-          "</title><style>body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;"
-          "padding:0 1rem;color:#222}pre{background:#f4f2ee;padding:1rem;overflow:auto}"
-          "svg,canvas{max-width:100%;height:auto}</style></head><body>\n<h1>A body in motion</h1>\n"
-          "<pre>",
-          f);
-    summary(f, p);
-    fputs("</pre>\n", f);
-    animation_write(f, &p->animation);
-    for (size_t i = 0; i < sizeof graphs / sizeof graphs[0]; i++) draw(f, p, &graphs[i]);
-    fputs("</body></html>\n", f);
+    page to;
+    page_begin(&to, out.file, p->spec->blob);
+    page_lines(&to, summary, p);
+    page_curves(&to);
+    for (size_t i = 0; i < sizeof graphs / sizeof graphs[0]; i++) draw(&to, p, &graphs[i]);
+    page_events(&to);
+    page_end(&to, &(page_rest){.motion = &p->motion});
     commit_output(&out);
 }
 
@@ -393,7 +432,9 @@ int play_dynamic(const play_spec *s, const void *data, size_t bytes) {
     if (s->csv != NULL) write_csv(p, s->csv);
     if (s->report != NULL) write_report(p, s->report);
     bool late = late_ticks(p) > 0 && !s->wall;
-    animation_free(&p->animation);
+    motion_free(&p->motion);
+    free(p->rest_m);
+    free(p->fixed);
     scene_free(p->s);
     free(p->tick);
     free(p);

@@ -6,10 +6,9 @@
 #include "core/servo/answer.h"
 #include "tools/cli/play.h"
 #include "port/host/openscene.h"
-#include "port/host/view.h"
 #include "port/host/args.h"
 #include "tools/cli/commands.h"
-#include "tools/study/plot.h"
+#include "port/host/page.h"
 #include "port/host/util.h"
 #include "tools/zone/zonesolve.h"
 #include <inttypes.h>
@@ -130,7 +129,8 @@ typedef struct {
     size_t ticks;
     play_tick *tick;
     size_t strongest; /* tick */
-    float *place[PALP_MAX_ZONES], *heat[PALP_MAX_ZONES];
+    motion motion;    /* for a report */
+    float *rest_m[PALP_MAX_ZONES], *place_m[PALP_MAX_ZONES];
 } player;
 
 static uint64_t now_ns(void *context) {
@@ -204,14 +204,14 @@ static void open_player(player *p) {
         p->b->coupling.tool[t].stiffness_N_per_m = (float)p->s->stiffness_N_per_m;
 }
 
-/* The deformed surface in the world, and how far each node is displaced. */
+/* The deformed surface in the world. */
 static void take_picture(player *p) {
     palp_contact *c = &p->b->contact;
     palp_contact_load_seams(c);
     const float *total = palp_assembly_total(p->a);
     for (uint32_t i = 0; i < p->z->meta->zones; i++) {
         const palp_blob *b = &p->z->blob[i];
-        size_t nodes = b->meta->nodes, bytes = palp_field_memsize(b);
+        const size_t nodes = b->meta->nodes, bytes = palp_field_memsize(b);
         palp_field field;
         void *memory = allocate_aligned(bytes, 1);
         (void)palp_field_init(&field, b, memory, bytes);
@@ -223,24 +223,43 @@ static void take_picture(player *p) {
         const float *local = palp_field_reconstruct(&field, b->meta->levels - 1);
         float *modes = allocate(3 * (size_t)p->z->zone[i].modes + 1, sizeof *modes);
         palp_seams_zone(&p->a->seams, p->a->configuration, PALP_SEAM_LEVELS - 1, i, total, modes);
-        if (p->place[i] == NULL) {
-            p->place[i] = allocate(3 * nodes, sizeof(float));
-            p->heat[i] = allocate(nodes, sizeof(float));
-        }
         for (uint32_t n = 0; n < nodes; n++) {
             palp_vec3 u = palp_zone_modal_displacement(p->z, p->spec->finest, i, n, modes);
             if (!palp_node_is_fixed(b, n))
                 u = palp_add(u,
                              palp_vec3_at(local + PALP_FIELD_LANES * (size_t)palp_node_slot(b, n)));
-            p->heat[i][n] = palp_norm(u);
             palp_vec3 x =
                 palp_carry(&p->a->world[i], palp_add(palp_vec3_at(b->rest_m + 3 * (size_t)n), u));
             const float at[3] = {x.x, x.y, x.z};
-            memcpy(p->place[i] + 3 * (size_t)n, at, sizeof at);
+            memcpy(p->place_m[i] + 3 * (size_t)n, at, sizeof at);
         }
         free(modes);
         free(memory);
     }
+}
+
+static void open_motion(player *p) {
+    motion *m = &p->motion;
+    m->parts = p->z->meta->zones;
+    for (uint32_t i = 0; i < m->parts; i++) {
+        const palp_blob *b = &p->z->blob[i];
+        const size_t nodes = b->meta->nodes;
+        p->rest_m[i] = allocate(3 * nodes, sizeof(float));
+        p->place_m[i] = allocate(3 * nodes, sizeof(float));
+        for (size_t n = 0; n < nodes; n++) {
+            const palp_vec3 x = palp_carry(&p->a->world[i], palp_vec3_at(b->rest_m + 3 * n));
+            const float at[3] = {x.x, x.y, x.z};
+            memcpy(p->rest_m[i] + 3 * n, at, sizeof at);
+        }
+        m->part[i] = (motion_part){.nodes = b->meta->nodes,
+                                   .triangles = b->meta->triangles,
+                                   .triangle = b->triangle,
+                                   .rest_m = p->rest_m[i],
+                                   .far_off = true};
+    }
+    m->tools = p->tools;
+    for (uint32_t t = 0; t < m->tools; t++) m->tool[t] = &p->tool[t];
+    motion_begin(m, MOTION_PAGE_BYTES);
 }
 
 static void run(player *p) {
@@ -250,6 +269,7 @@ static void run(player *p) {
     if (p->ticks > MOST_TICKS)
         die(EXIT_USAGE, "%s: %zu ticks; at most %d are kept", p->spec->scene, p->ticks, MOST_TICKS);
     p->tick = allocate(p->ticks + 1, sizeof *p->tick);
+    open_motion(p);
     for (size_t i = 0; i < p->ticks; i++) {
         play_tick *k = &p->tick[i];
         float value[PALP_MAX_JOINTS];
@@ -283,7 +303,11 @@ static void run(player *p) {
             p->strongest = i;
         }
         palp_answer_spare(p->b);
-        if (p->strongest == i) take_picture(p);
+        if (p->spec->report == NULL || !motion_wants(&p->motion, k->t_s)) continue;
+        palp_frame where[PALP_CONTACT_TOOLS];
+        for (uint32_t t = 0; t < p->tools; t++) where[t] = result[t].tool;
+        take_picture(p);
+        motion_add(&p->motion, k->t_s, (const float *const *)p->place_m, where);
     }
 }
 
@@ -304,7 +328,8 @@ static size_t late_ticks(const player *p) {
     return late;
 }
 
-static void summary(FILE *f, const player *p) {
+static void summary(FILE *f, const void *context) {
+    const player *p = context;
     double force[SCENE_TRACKS] = {0};
     size_t at[PALP_SEAM_LEVELS + 1] = {0}, aborted = 0, renewed = 0, active = 0;
     for (size_t i = 0; i < p->ticks; i++) {
@@ -364,26 +389,35 @@ static void write_csv(const player *p, const char *path) {
     commit_output(&out);
 }
 
-static void draw(FILE *f, const player *p, const char *title, const char *unit,
-                 double (*value)(const play_tick *, uint32_t), uint32_t count,
-                 const char *(*name)(const player *, uint32_t)) {
-    size_t step = p->ticks / 1500 + 1, n = p->ticks / step;
-    plot_series *series = allocate(count, sizeof *series);
-    double *x = allocate(n + 1, sizeof *x), *y = allocate((n + 1) * count, sizeof *y);
-    for (size_t i = 0; i < n; i++) x[i] = p->tick[i * step].t_s;
-    for (uint32_t k = 0; k < count; k++) {
-        for (size_t i = 0; i < n; i++) y[k * n + i] = value(&p->tick[i * step], k);
-        series[k] = (plot_series){.count = n, .x = x, .y = y + k * n};
-        snprintf(series[k].name, sizeof series[k].name, "%s", name(p, k));
+/* What a curve shows. */
+typedef struct {
+    const player *p;
+    double (*value)(const play_tick *, uint32_t);
+    uint32_t number;
+} curve;
+
+static double curve_value(const void *context, size_t i) {
+    const curve *c = context;
+    return c->value(&c->p->tick[i], c->number);
+}
+
+typedef struct {
+    const char *title, *word, *unit;
+    double (*value)(const play_tick *, uint32_t);
+    const char *(*name)(const player *, uint32_t);
+    uint32_t count;
+    page_axis axis;
+} graph;
+
+static void draw(page *to, const player *p, const graph *g) {
+    page_chart(to, g->title, g->word, g->unit, g->axis);
+    for (uint32_t k = 0; k < g->count; k++) {
+        if (g->value == force_value && !p->s->has[k]) continue;
+        const curve c = {p, g->value, k};
+        const page_curve_spec spec = {g->name(p, k), 0, 1 / p->s->rate_hz, p->ticks,
+                                      g->axis == PAGE_WHOLE};
+        page_curve(to, &spec, curve_value, &c);
     }
-    plot_svg(f, &(plot_chart){.title = title,
-                              .x_label = "time (s)",
-                              .y_label = unit,
-                              .series = series,
-                              .count = count});
-    free(series);
-    free(x);
-    free(y);
 }
 
 static double joint_value(const play_tick *k, uint32_t j) { return k->value[j]; }
@@ -421,38 +455,23 @@ static const char *active_name(const player *p, uint32_t unused) {
 }
 
 static void write_report(const player *p, const char *path) {
+    const graph graphs[] = {
+        {"Force", "On each tool", "N", force_value, force_name, SCENE_TRACKS, PAGE_ZERO},
+        {"Joint values", "As the scene says", "rad or m", joint_value, joint_name,
+         p->z->meta->joints, PAGE_FREE},
+        {"Level of the seams", "How many of their modes are solved for; -1: block diagonal", "",
+         level_value, level_name, 1, PAGE_WHOLE},
+        {"Contact", "Points that carry force", "points", active_value, active_name, 1, PAGE_WHOLE},
+        {"Time of a tick", "By the clock that budgets it, and by this machine's", "us", time_value,
+         time_name, 2, PAGE_ZERO}};
     output out = open_output(path);
-    FILE *f = out.file;
-    const play_tick *k = &p->tick[p->strongest];
-    fputs("<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Palp: a posed "
-          "multizone model</title><style>body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;"
-          "margin:2rem auto;padding:0 1rem;color:#222}pre{background:#f4f2ee;padding:1rem;"
-          "overflow:auto}svg{max-width:100%;height:auto}</style></head><body>\n<h1>A multizone "
-          "model in motion</h1>\n<pre>",
-          f);
-    summary(f, p);
-    fprintf(f,
-            "</pre>\n<p>At %.3f s, where the forces are largest; coloured by displacement.</p>\n",
-            k->t_s);
-    view_body body[PALP_MAX_ZONES];
-    for (uint32_t i = 0; i < p->z->meta->zones; i++)
-        body[i] = (view_body){.nodes = p->z->blob[i].meta->nodes,
-                              .triangles = p->z->blob[i].meta->triangles,
-                              .triangle = p->z->blob[i].triangle,
-                              .position_m = p->place[i],
-                              .heat = p->heat[i]};
-    view_cylinder cylinder = {
-        {(double)k->tool_m[0].x, (double)k->tool_m[0].y, (double)k->tool_m[0].z},
-        {p->s->cylinder[2], p->s->cylinder[3], p->s->cylinder[4]},
-        p->s->cylinder[0],
-        p->s->cylinder[1]};
-    view_posed(f, body, p->z->meta->zones, p->s->has[SCENE_OBJECT] ? &cylinder : NULL, 900, 560);
-    draw(f, p, "Joint values", "rad or m", joint_value, p->z->meta->joints, joint_name);
-    draw(f, p, "Force", "N", force_value, SCENE_TRACKS, force_name);
-    draw(f, p, "Level of the seams", "level", level_value, 1, level_name);
-    draw(f, p, "Contact", "points", active_value, 1, active_name);
-    draw(f, p, "Time of a tick", "us", time_value, 2, time_name);
-    fputs("</body></html>\n", f);
+    page to;
+    page_begin(&to, out.file, p->spec->blob);
+    page_lines(&to, summary, p);
+    page_curves(&to);
+    for (size_t i = 0; i < sizeof graphs / sizeof graphs[0]; i++) draw(&to, p, &graphs[i]);
+    page_events(&to);
+    page_end(&to, &(page_rest){.motion = &p->motion});
     commit_output(&out);
 }
 

@@ -3,6 +3,8 @@
  * counts operations, so that runs repeat. */
 #include "port/host/openscene.h"
 #include "port/host/report.h"
+#include "port/host/run_tick.h"
+#include "port/host/shape.h"
 #include "port/host/util.h"
 #include "sim/bus.h"
 #include "tools/cli/play.h"
@@ -19,6 +21,9 @@ typedef struct {
     double begun_ns, begun_work_ns;
     run_record record;
     output csv; /* without a file: none */
+    tick_record *tick;
+    shape *shape; /* for the page; NULL: none is asked for */
+    motion motion;
 } player;
 
 /* What all bodies have done so far, on the machine that is assumed. */
@@ -73,12 +78,19 @@ static void open_player(player *p) {
     for (uint32_t b = 0; b < r->bodies; b++)
         r->body[b] = (run_body){.name = s->file->body[b].name, .kind = s->part[b].kind};
     run_joints_of(r, s);
+    p->tick = allocate(1, record_bytes(r->hands));
+    if (p->spec->report != NULL) {
+        p->shape = shape_open(s, p->scene);
+        shape_to_motion(p->shape, &p->motion, MOTION_PAGE_BYTES);
+        r->motion = &p->motion;
+    }
     for (uint32_t h = 0; h < r->hands; h++) {
         const char *script = s->file->device[h].hand;
         sim_bus_init(&p->bus[h], &s->device[h], hand_load(script[0] != '\0' ? script : "touch"),
                      (fault_list){.seed = h});
         sim_peer_init(&p->bus[h].peer, s->file, h);
         r->hand[h] = (run_hand){.tick = allocate(r->count, sizeof *r->hand[h].tick),
+                                .events = allocate(r->count, sizeof *r->hand[h].events),
                                 .device_name = s->device[h].name,
                                 .bus_name = "loop",
                                 .bus_load = "in virtual time"};
@@ -95,31 +107,32 @@ static void write_line(FILE *f, double t_s, uint32_t device, const palp_report *
 }
 
 static void tick(player *p, size_t number, uint32_t more_events[PALP_SCENE_HANDS]) {
-    palp_can_frame in[PALP_SCENE_HANDS][RECORD_FRAMES];
-    palp_can_frame out[PALP_SCENE_HANDS][PALP_SERVO_FRAMES_OUT];
-    palp_tick_input input[PALP_SCENE_HANDS];
-    palp_scene_report report;
-    uint32_t sent[PALP_SCENE_HANDS];
+    tick_record *t = p->tick;
     run_record *r = &p->record;
+    uint64_t digest = 0;
     const double t_s = (double)number / r->rate_hz;
+    run_begin(p->setup, t);
     for (uint32_t h = 0; h < r->hands; h++) {
-        uint32_t events = 0;
-        const uint32_t n = sim_bus_pass(&p->bus[h], 1 / r->rate_hz, in[h], RECORD_FRAMES, &events);
-        input[h] =
-            (palp_tick_input){.frames = in[h], .count = n, .events = events | more_events[h]};
+        tick_hand *of = &t->hand[h];
+        of->in_count =
+            sim_bus_pass(&p->bus[h], 1 / r->rate_hz, of->in, RECORD_FRAMES, &of->events);
+        of->events |= more_events[h];
         more_events[h] = 0;
     }
     p->begun_ns = t_s * 1e9;
     p->begun_work_ns = work_ns(p);
-    scene_move(p->setup, p->scene, t_s);
-    palp_scene_tick(p->scene, input, out, sent, &report);
+    run_tick(p->setup, p->scene, t_s, t, &digest);
     for (uint32_t h = 0; h < r->hands; h++) {
-        for (uint32_t i = 0; i < sent[h]; i++)
-            if (!sim_bus_send(&p->bus[h], &out[h][i])) more_events[h] |= PALP_EVENT_BUS_FULL;
-        palp_scene_view(p->scene, &report, h, &r->hand[h].tick[number]);
-        if (p->csv.file != NULL) write_line(p->csv.file, t_s, h, &r->hand[h].tick[number]);
+        const tick_hand *of = &t->hand[h];
+        for (uint32_t i = 0; i < of->out_count; i++)
+            if (!sim_bus_send(&p->bus[h], &of->out[i])) more_events[h] |= PALP_EVENT_BUS_FULL;
+        r->hand[h].tick[number] = of->report;
+        r->hand[h].events[number] = of->events;
+        if (p->csv.file != NULL) write_line(p->csv.file, t_s, h, &of->report);
     }
-    for (uint32_t b = 0; b < r->bodies; b++) run_body_add(&r->body[b], &report.body[b]);
+    for (uint32_t b = 0; b < r->bodies; b++) run_body_add(&r->body[b], &t->body[b]);
+    if (p->shape != NULL && motion_wants(&p->motion, t_s))
+        shape_add_frame(p->shape, &p->motion, t_s, t->tool);
     palp_scene_spare(p->scene);
 }
 
@@ -154,6 +167,7 @@ int play_scene(const play_spec *s, scene_file *file) {
     }
     const bool late = r->hand[0].totals.counters.overruns > 0;
     free(p->bus);
+    free(p->tick);
     scene_tear_down(p->setup, p->scene);
     free(p);
     return late ? EXIT_WORK : EXIT_SUCCESS;

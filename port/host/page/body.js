@@ -10,6 +10,9 @@ function heat(share) {
     return COLD[i].map((c, k) => c + f * (COLD[i + 1][k] - c));
 }
 
+// Meshes of a dynamic body, coarse to fine.
+const LEVELS = ['#466ebe', '#50aa5a', '#d8b23a', '#d86a38', '#a03050'];
+
 function heatCss() { return 'linear-gradient(90deg,' + COLD.map(c => 'rgb(' + c.map(v => Math.round(255 * v)).join()+ ')').join() + ')'; }
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -117,7 +120,7 @@ class BodyView {
             }
         this.centre = scaled(plus(low, high), 0.5);
         this.size = Math.hypot(...sub(high, low));
-        this.distance = 1.55 * this.size;
+        this.distance = 1.35 * this.size;
         this.most = 0;
     }
 
@@ -127,6 +130,7 @@ class BodyView {
             this.parts[i].at = p.at;
             this.parts[i].rest = p.rest || this.parts[i].rest;
             this.parts[i].pressure = p.pressure;
+            this.parts[i].level = p.level;
         });
         this.tools = tools;
         this.points = points || new Float32Array(0);
@@ -162,10 +166,12 @@ class BodyView {
 
     colours(p) {
         for (let i = 0; i < p.n; i++) {
-            const c = this.mode === 'plain' ? COLD[0] : heat(p.value[i] / this.most), dim = p.fixed && p.fixed[i] ? 0.72 : 1;
+            const c = this.mode === 'plain' ? COLD[0] : this.mode === 'level' && p.level ? this.levelColour(p.level[i]) : heat(p.value[i] / this.most), dim = p.fixed && p.fixed[i] ? 0.72 : 1;
             p.colour.set([dim * c[0], dim * c[1], dim * c[2]], 3 * i);
         }
     }
+
+    levelColour(level) { return LEVELS[Math.min(level, LEVELS.length - 1)].match(/\w\w/g).map(v => parseInt(v, 16) / 255); }
 
     camera() {
         const c = Math.cos(this.pitch), toward = [c * Math.cos(this.yaw), c * Math.sin(this.yaw), Math.sin(this.pitch)];

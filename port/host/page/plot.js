@@ -174,6 +174,7 @@ class Plots {
         g.beginPath();
         g.rect(left, top - 4, right - left, bottom - top + 8);
         g.clip();
+        this.labelled = left; // up to where a label stands
         for (const e of this.events) this.mark(g, e, x, top, bottom);
         c.series.forEach((s, i) => this.curve(g, s, i, x, y, right - left));
         g.restore();
@@ -226,7 +227,9 @@ class Plots {
         g.fillStyle = g.strokeStyle;
         g.textAlign = 'left';
         g.textBaseline = 'top';
+        if (x(e.t) < this.labelled) return;
         g.fillText(e.text, x(e.t) + 3, top);
+        this.labelled = x(e.t) + 8 + g.measureText(e.text).width;
     }
 
     // A column of pixels gets the least and the most of what falls into it.
