@@ -26,7 +26,7 @@ run() { # run NAME WHAT OPTIONS...: runs, repeats from the log, draws; forces of
     ok $? "$what: $(grep -c '^state *RUN' $name.txt) of $(grep -c '^state' $name.txt) devices in RUN $(head -1 $name.err)"
     $palp replay $name.log $name.scene -o $name.csv > $name.said 2>&1
     ok $? "$what: $(head -1 $name.said)"
-    $palp report $name.log -o $name-log.html && grep -q '</svg>' $name-log.html && grep -q '</svg>' $name.html
+    $palp report $name.log -o $name-log.html && grep -q '"series": \[' $name-log.html && grep -q '"series": \[' $name.html
     ok $? "$what: reports"
 }
 # most NAME DEVICE: its largest force, N
@@ -146,14 +146,14 @@ ok $? "the control socket: $(grep -c '^good' asked.txt) answers as they should b
 given=$(sed -n 's/^energy *given to the hand: \([0-9.e+-]*\) J.*/\1/p' live.txt)
 above 1e-5 "${given:-1}" # of about 1 mJ stored
 ok $? "six exchanges while it is touched give the hand $given J"
-$palp report part.log -o part.html && grep -q '</svg>' part.html
+$palp report part.log -o part.html && grep -q '"series": \[' part.html
 ok $? "a record begun in a run can be drawn"
 refuses 2 "cannot listen" "a socket that cannot be" $palpd body.palp --bus loop --device arm3 --control none/socket --seconds 1
 $palpd --check all.scene > check.txt && grep -q 'dynamic' check.txt
 ok $? "palpd --check says what would be felt"
 
 # ---- in virtual time ----
-$palp play all.scene --ns-per-operation 0.1 -o one.out --report play.html > play.txt && $palp play all.scene --ns-per-operation 0.1 -o two.out > /dev/null && cmp -s one.out two.out && grep -q '</svg>' play.html
+$palp play all.scene --ns-per-operation 0.1 -o one.out --report play.html > play.txt && $palp play all.scene --ns-per-operation 0.1 -o two.out > /dev/null && cmp -s one.out two.out && grep -q '"series": \[' play.html
 ok $? "palp play repeats a scene to the last digit: $(grep '^tick latency' play.txt)"
 [ "$(wc -l < one.out)" -eq 2001 ] && awk -F, 'NR > 1 && $2 == 1 && $9 > 0.01 {felt = 1} END {exit !felt}' one.out
 ok $? "a line for each tick and device"

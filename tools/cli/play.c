@@ -409,17 +409,6 @@ typedef struct {
     page_axis axis;
 } graph;
 
-static void draw(page *to, const player *p, const graph *g) {
-    page_chart(to, g->title, g->word, g->unit, g->axis);
-    for (uint32_t k = 0; k < g->count; k++) {
-        if (g->value == force_value && !p->s->has[k]) continue;
-        const curve c = {p, g->value, k};
-        const page_curve_spec spec = {g->name(p, k), 0, 1 / p->s->rate_hz, p->ticks,
-                                      g->axis == PAGE_WHOLE};
-        page_curve(to, &spec, curve_value, &c);
-    }
-}
-
 static double joint_value(const play_tick *k, uint32_t j) { return k->value[j]; }
 static const char *joint_name(const player *p, uint32_t j) { return p->z->joint[j].name; }
 static double force_value(const play_tick *k, uint32_t t) {
@@ -452,6 +441,17 @@ static const char *active_name(const player *p, uint32_t unused) {
     (void)p;
     (void)unused;
     return "points in contact";
+}
+
+static void draw(page *to, const player *p, const graph *g) {
+    page_chart(to, g->title, g->word, g->unit, g->axis);
+    for (uint32_t k = 0; k < g->count; k++) {
+        if (g->value == force_value && !p->s->has[k]) continue;
+        const curve c = {p, g->value, k};
+        const page_curve_spec spec = {g->name(p, k), 0, 1 / p->s->rate_hz, p->ticks,
+                                      g->axis == PAGE_WHOLE};
+        page_curve(to, &spec, curve_value, &c);
+    }
 }
 
 static void write_report(const player *p, const char *path) {
