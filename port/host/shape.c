@@ -124,6 +124,7 @@ static void update_blob(shape_part *p, const palp_body *body) {
 /* What contact does to the seams; the assembly is left as it was. */
 typedef struct {
     float *total, *load, *pushed[PALP_MAX_ZONES];
+    uint64_t contact_work, seam_work;
 } seam_state;
 
 static float *copy(const float *x, size_t n) {
@@ -144,6 +145,8 @@ static const float *seams_in_contact(const palp_body *body, seam_state *before) 
     for (uint32_t z = 0; z < a->zones->meta->zones; z++)
         before->pushed[z] = copy(a->pushed[z], 3 * (size_t)a->zones->zone[z].modes);
     before->total = copy(a->total, n);
+    before->contact_work = body->answer->contact.work_done;
+    before->seam_work = a->seams.work_done;
     palp_contact_load_seams(&body->answer->contact);
     (void)palp_assembly_total(a);
     for (size_t i = 0; i < n; i++) a->total[i] -= a->w[i];
@@ -155,6 +158,8 @@ static void restore(const palp_body *body, seam_state *before) {
     const size_t n = 3 * (size_t)a->seams.modes;
     give_back(a->load, before->load, n);
     give_back(a->total, before->total, n);
+    body->answer->contact.work_done = before->contact_work;
+    a->seams.work_done = before->seam_work;
     for (uint32_t z = 0; z < a->zones->meta->zones; z++)
         give_back(a->pushed[z], before->pushed[z], 3 * (size_t)a->zones->zone[z].modes);
 }
