@@ -6,7 +6,7 @@ out=$1
 devices=$2
 objects=$(dirname "$out")/wasm
 mkdir -p "$objects"
-export flags="--target=wasm32-wasi -O2 -msimd128 -std=c11 -ffp-contract=off -fno-math-errno -I. -D_GNU_SOURCE \
+export flags="--target=wasm32-wasi -O2 -msimd128 -std=c11 -ffp-contract=off -fno-math-errno -I. -D_GNU_SOURCE -Werror=implicit-function-declaration \
     -D_WASI_EMULATED_SIGNAL -D_WASI_EMULATED_GETPID -D_WASI_EMULATED_PROCESS_CLOCKS -ffunction-sections -fdata-sections"
 export objects
 sources=$(ls core/*/*.c port/host/*.c port/wasm/*.c sim/*.c sim/web/*.c tools/bake/*.c tools/mesh/*.c tools/press/*.c tools/solver/*.c \

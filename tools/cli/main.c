@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "core/base/version.h"
 #include "tools/cli/commands.h"
+#include "tools/export/export.h"
 #include "tools/mesh/remesh.h"
 #include "tools/study/study.h"
 #include "tools/study/reproduce.h"
@@ -33,6 +34,7 @@ static const struct {
     {"replay", command_replay, "re-run a recorded session bit for bit"},
     {"report", command_report, "draw a recorded session: one self-contained HTML page"},
     {"view", command_view, "see and touch a body, scene or log on a page in the browser"},
+    {"export", command_export, "a recording or a blob for other programs: glTF, ParaView, CSV, MCAP"},
     {"play", command_play, "move a multizone model along a scene, in bounded time"},
     {"embed", command_embed, "a scene as C source, for controllers without files"},
     {"zwidth", command_zwidth, "the largest stable stiffness against rate, delay and damping"},
