@@ -141,6 +141,8 @@ static bool set_axes(palp_device *p, const argument *a) {
     return false;
 }
 
+const char *device_builtin(size_t number) { return builtin_devices[number][0]; }
+
 static char *raw_text(const char *name_or_path);
 
 static void set_key(void *context, const argument *a) {

@@ -15,6 +15,8 @@ typedef struct {
 /* Reads `name_or_path`: a built-in description or a file. Exits 2 with the line named when it is
  * wrong. The rate of its drives is 1000 Hz until the caller sets another. */
 device_file device_load(const char *name_or_path);
+/* Names of the built-in descriptions, one after the other; NULL behind the last. */
+const char *device_builtin(size_t number);
 /* The same from text that stands by itself (device_text): it opens no other file, and exits 1 where
  * it is `like` another. `name` is what messages call it. */
 device_file device_read(const char *name, const char *text);

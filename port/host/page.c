@@ -42,7 +42,7 @@ void page_begin(page *p, FILE *f, const char *title) {
     fputs("</h1>\n", f);
 }
 
-static void close_table(page *p) {
+void page_close_table(page *p) {
     if (p->in_table) fputs("</table></div>\n", p->file);
     p->in_table = false;
 }
@@ -69,7 +69,7 @@ void page_lines(page *p, page_writer *write, const void *context) {
     if (lines == NULL) die(EXIT_WORK, "no memory for the page");
     write(lines, context);
     fclose(lines);
-    close_table(p);
+    page_close_table(p);
     fputs("<pre>", p->file);
     print_escaped(p->file, text);
     fputs("</pre>\n", p->file);
@@ -77,7 +77,7 @@ void page_lines(page *p, page_writer *write, const void *context) {
 }
 
 void page_curves(page *p) {
-    close_table(p);
+    page_close_table(p);
     fputs("<noscript><p class=\"bad\">Curves and the body need JavaScript.</p></noscript>\n"
           "<div id=\"page\"></div>\n<script type=\"application/json\" id=\"data\">\n"
           "{\"charts\": [",

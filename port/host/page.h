@@ -27,6 +27,8 @@ typedef struct {
 void page_begin(page *p, FILE *f, const char *title);
 /* A line of the table; word (may be NULL): what it means, shown on hover. */
 void page_row(page *p, const char *name, const char *word, const char *text);
+/* Ends the table, where something else comes behind it. */
+void page_close_table(page *p);
 /* What write(file, context) writes, in lines as they are. */
 typedef void page_writer(FILE *f, const void *context);
 void page_lines(page *p, page_writer *write, const void *context);

@@ -166,7 +166,7 @@ class BodyView {
 
     colours(p) {
         for (let i = 0; i < p.n; i++) {
-            const c = this.mode === 'plain' ? COLD[0] : this.mode === 'level' && p.level ? this.levelColour(p.level[i]) : heat(p.value[i] / this.most), dim = p.fixed && p.fixed[i] ? 0.72 : 1;
+            const c = this.mode === 'plain' ? COLD[0] : this.mode === 'value' && p.share ? heat(p.share[i]) : this.mode === 'level' && p.level ? this.levelColour(p.level[i]) : heat(p.value[i] / this.most), dim = p.fixed && p.fixed[i] ? 0.72 : 1;
             p.colour.set([dim * c[0], dim * c[1], dim * c[2]], 3 * i);
         }
     }
