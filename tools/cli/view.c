@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* palp view: the interactive page, with a body, scene or log of this machine, on 127.0.0.1. */
 #include "port/host/args.h"
-#include "port/host/scenefile.h"
+#include "core/base/crc32c.h"
+#include "port/host/record.h"
 #include "port/host/util.h"
 #include "tools/cli/commands.h"
 #include <arpa/inet.h>
+#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <poll.h>
@@ -12,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define DEFAULT_PORT 8377u
@@ -21,7 +24,7 @@
 #define PATIENCE_MS 2000 /* with a browser that says nothing */
 
 static const char help[] =
-    "usage: palp view [BLOB|SCENE|LOG BLOB|LOG SCENE] [FILE.tool] [--port N]\n"
+    "usage: palp view [BLOB|SCENE|LOG [BLOB|SCENE]] [FILE.tool] [--port N]\n"
     "\n"
     "Serves a page on 127.0.0.1 on which a body is seen and touched, with the mouse, a finger or "
     "keys, by the "
@@ -73,6 +76,14 @@ static void serve(view_spec *s, const char *path) {
     FILE *f = fopen(path, "rb");
     if (f == NULL) die(EXIT_USAGE, "cannot read %s: %s", path, strerror(errno));
     fclose(f);
+    static const char *const known[] = {".palp", ".scene", ".log", ".tool", ".dev",
+                                        ".hand", ".stl",   ".obj", ".ply"};
+    bool of_a_kind = false;
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        of_a_kind = of_a_kind || has_extension(path, known[i]);
+    if (!of_a_kind)
+        die(EXIT_USAGE, "%s: need a name that ends in .palp, .scene, .log, .tool or that of a mesh",
+            path);
     s->file[s->files++] = (served_file){.name = name, .path = path};
 }
 
@@ -85,6 +96,50 @@ static void serve_scene(view_spec *s, const char *path) {
         if (has_extension(scene->device[d].name, ".dev")) serve(s, scene->device[d].name);
         if (has_extension(scene->device[d].hand, ".hand")) serve(s, scene->device[d].hand);
     }
+}
+
+/* ---- the blob of a log ---- */
+
+/* Whether a file is that of so many bytes and this CRC. */
+static bool is_file(const char *path, uint32_t bytes, uint32_t crc) {
+    struct stat status;
+    if (stat(path, &status) != 0 || !S_ISREG(status.st_mode) || status.st_size != (off_t)bytes)
+        return false;
+    size_t read;
+    char *data = read_file(path, &read);
+    const bool same = read == bytes && palp_crc32c(0, data, read) == crc;
+    free(data);
+    return same;
+}
+
+/* The file in the log's folder that its session was recorded with. */
+static void serve_blob_of(view_spec *s, const char *log) {
+    session_record session;
+    record_close(record_open(log, &session));
+    if (session.scene->bodies > 1 || session.tool_bytes[0] > 0)
+        die(EXIT_USAGE,
+            "%s was recorded with several bodies or a tool of its own: name its scene behind it",
+            log);
+    char *folder = copy_string(log), *slash = strrchr(folder, '/');
+    if (slash != NULL)
+        slash[1] = '\0';
+    else
+        strcpy(folder, ""); /* it fits: a name is not empty */
+    DIR *d = opendir(folder[0] != '\0' ? folder : ".");
+    for (struct dirent *e; d != NULL && (e = readdir(d)) != NULL;) {
+        char path[4096];
+        snprintf(path, sizeof path, "%s%s", folder, e->d_name);
+        if (!has_extension(path, ".palp") ||
+            !is_file(path, session.blob_bytes[0], session.blob_crc[0]))
+            continue;
+        closedir(d);
+        serve(s, copy_string(path));
+        return;
+    }
+    die(EXIT_USAGE,
+        "%s: its blob, of %" PRIu32 " bytes and CRC %08" PRIX32
+        ", is not beside it: name it behind the log",
+        log, session.blob_bytes[0], session.blob_crc[0]);
 }
 
 static void set_option(void *context, const argument *a) {
@@ -250,6 +305,13 @@ int command_view(int argc, char **argv) {
     if (&palp_page_end[0] == &palp_page[0])
         die(EXIT_WORK, "this palp was built without the page, for want of clang, lld or wasi-libc: "
                        "install them (make deps), and build it again");
+    bool body = false;
+    const char *log = NULL;
+    for (uint32_t i = 0; i < s.files; i++) {
+        body = body || has_extension(s.file[i].name, ".palp");
+        if (has_extension(s.file[i].name, ".log")) log = s.file[i].path;
+    }
+    if (log != NULL && !body) serve_blob_of(&s, log);
     const int listener = listen_on(&s);
     const struct sigaction end = {.sa_handler = on_interrupt};
     sigaction(SIGINT, &end, NULL);

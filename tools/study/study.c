@@ -132,16 +132,18 @@ static const char help[] =
     "Young 3e4 Pa,\n"
     "Poisson 0.45, without fixed nodes the lowest tenth of it is held; it is taken as it is if it "
     "has\n"
-    "subdivision connectivity, else remeshed. Models (.model) say it all themselves. Of a blob, "
-    "what it still holds\n"
-    "is the reference.\n";
+    "subdivision connectivity, else remeshed. Models (.model) say it all themselves.\n"
+    "Of a blob --reference BLOB, one of the same body baked with --epsilon 0, says what is exact; "
+    "without it the "
+    "blob is\n"
+    "its own reference, and the errors are those of compressing it once more.\n";
 
-static const option options[] = {BODY_OPTIONS, {"-o", 1}, {NULL, 0}};
+static const option options[] = {BODY_OPTIONS, {"-o", 1}, {"--reference", 1}, {NULL, 0}};
 #define MAX_INPUTS 32
 
 typedef struct {
     body_spec body;
-    const char *input[MAX_INPUTS], *folder;
+    const char *input[MAX_INPUTS], *folder, *reference;
     int inputs;
 } study_spec;
 
@@ -152,6 +154,8 @@ static void set_option(void *context, const argument *a) {
         s->input[s->inputs++] = a->value[0];
     } else if (strcmp(a->option, "-o") == 0) {
         s->folder = a->value[0];
+    } else if (strcmp(a->option, "--reference") == 0) {
+        s->reference = a->value[0];
     } else {
         (void)body_option(&s->body, a);
     }
@@ -186,8 +190,32 @@ static void hold_lowest_tenth(body_spec *body, const mesh *m) {
     body->fix_count = 1;
 }
 
-static study_case case_of_blob(const char *path) {
-    palp_blob b = load_blob(path);
+/* The blob that says what is exact: itself, or one of the same body. */
+static palp_blob reference_of(const char *path, const palp_blob *b, const char *reference) {
+    if (reference == NULL) {
+        if (b->meta->epsilon > 0)
+            warn("%s: was compressed with epsilon %g and is its own reference, so these are not "
+                 "its errors "
+                 "but those of compressing it once more: name one baked with --epsilon 0 by "
+                 "--reference "
+                 "(bake measured an RMS of %.4f)",
+                 path, (double)b->meta->epsilon, (double)b->meta->rms_error);
+        return *b;
+    }
+    const palp_blob r = load_blob(reference);
+    if (memcmp(r.meta->mesh_sha256, b->meta->mesh_sha256, sizeof r.meta->mesh_sha256) != 0 ||
+        r.meta->nodes != b->meta->nodes ||
+        r.meta->domain_nodes[PALP_FREE] != b->meta->domain_nodes[PALP_FREE])
+        die(EXIT_WORK, "%s is not of the body of %s: another mesh, or other fixed nodes", reference,
+            path);
+    if (r.meta->epsilon > 0)
+        warn("%s: was compressed itself (epsilon %g): what is exact is not known better than that",
+             reference, (double)r.meta->epsilon);
+    return r;
+}
+
+static study_case case_of_blob(const char *path, const char *reference) {
+    const palp_blob b = load_blob(path), exact = reference_of(path, &b, reference);
     const palp_domain *d = &b.domain[PALP_FREE];
     uint32_t n = b.meta->nodes;
     if (b.meta->constraint_level + 1 < b.meta->levels) {
@@ -208,16 +236,28 @@ static study_case case_of_blob(const char *path) {
     }
     c.g = (greens){.nodes = n, .width = 3 * (size_t)n, .fixed = c.fixed};
     c.g.m = allocate_aligned(9 * (size_t)n * n, sizeof *c.g.m);
-    float *x = allocate(PALP_FIELD_LANES * (size_t)d->slots, sizeof *x);
+    const size_t lanes = PALP_FIELD_LANES * (size_t)d->slots;
+    float *x = allocate(lanes, sizeof *x), *own = allocate(lanes, sizeof *own);
+    double off = 0, all = 0;
     for (uint32_t j = 0; j < 3 * d->slots; j++) {
         float force[3] = {0};
         force[j % 3] = 1;
-        palp_nodal_response(&b, j / 3, force, x);
+        palp_nodal_response(&exact, j / 3, force, x);
+        if (reference != NULL) palp_nodal_response(&b, j / 3, force, own);
         for (uint32_t i = 0; i < 3 * d->slots; i++)
             greens_row(&c.g, d->node[i / 3], i % 3)[3 * d->node[j / 3] + j % 3] =
                 (double)x[PALP_FIELD_LANES * (i / 3) + i % 3];
+        for (size_t i = 0; i < lanes && reference != NULL; i++) {
+            if (i % PALP_FIELD_LANES == 3) continue;
+            off += ((double)own[i] - (double)x[i]) * ((double)own[i] - (double)x[i]);
+            all += (double)x[i] * (double)x[i];
+        }
     }
+    if (reference != NULL)
+        printf("%s against %s: RMS %.5f, %zu of %zu bytes\n", path, reference, sqrt(off / all),
+               b.bytes, exact.bytes);
     free(x);
+    free(own);
     return c;
 }
 
@@ -321,8 +361,8 @@ int command_study(int argc, char **argv) {
     fprintf(page.file, "<!doctype html><meta charset='utf-8'><title>palp study</title>"
                        "<body style='font-family:sans-serif;max-width:700px;margin:auto'>\n");
     for (int i = 0; i < s.inputs; i++) {
-        study_case c =
-            ends_in(s.input[i], ".palp") ? case_of_blob(s.input[i]) : case_of_mesh(&s, s.input[i]);
+        study_case c = ends_in(s.input[i], ".palp") ? case_of_blob(s.input[i], s.reference)
+                                                    : case_of_mesh(&s, s.input[i]);
         c.g.fixed = c.fixed;
         name_case(&c, s.input[i]);
         study_one(s.folder, &c, csv.file, page.file);
