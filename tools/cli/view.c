@@ -2,6 +2,7 @@
 /* palp view: the interactive page, with a body, scene or log of this machine, on 127.0.0.1. */
 #include "port/host/args.h"
 #include "core/base/crc32c.h"
+#include "core/blob/format.h"
 #include "port/host/record.h"
 #include "port/host/util.h"
 #include "tools/cli/commands.h"
@@ -63,9 +64,31 @@ static const char *base_name(const char *path) {
     return slash != NULL ? slash + 1 : path;
 }
 
+/* As the page is to call a file: it knows kinds by their endings, so a blob or log with another gets one. */
+static const char *name_for_page(const char *path) {
+    static const char *const known[] = {".palp", ".scene", ".log", ".tool", ".dev",
+                                        ".hand", ".stl",   ".obj", ".ply"};
+    const char *name = base_name(path), *end = NULL;
+    char first[64] = "";
+    FILE *f = fopen(path, "rb");
+    const size_t n = f != NULL ? fread(first, 1, sizeof first - 1, f) : 0;
+    if (f == NULL || (n == 0 && ferror(f)))
+        die(EXIT_USAGE, "cannot read %s: %s", path, strerror(errno));
+    fclose(f);
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        if (has_extension(path, known[i])) return name;
+    if (strncmp(first, PALP_BLOB_MAGIC, strlen(PALP_BLOB_MAGIC)) == 0) end = ".palp";
+    if (first[0] == '(' && strstr(first, " palp ") != NULL) end = ".log";
+    if (end == NULL)
+        die(EXIT_USAGE, "%s: neither a blob, a scene, a tool, a mesh nor a log of palpd", path);
+    char *named = allocate(strlen(name) + 8, 1);
+    sprintf(named, "%s%s", name, end);
+    return named;
+}
+
 /* One more file for the page; the same one again is nothing. */
 static void serve(view_spec *s, const char *path) {
-    const char *name = base_name(path);
+    const char *name = name_for_page(path);
     for (uint32_t i = 0; i < s->files; i++) {
         if (strcmp(s->file[i].name, name) != 0) continue;
         if (strcmp(s->file[i].path, path) == 0) return;
@@ -73,17 +96,6 @@ static void serve(view_spec *s, const char *path) {
             s->file[i].path, path);
     }
     if (s->files == MOST_FILES) die(EXIT_USAGE, "at most %u files", MOST_FILES);
-    FILE *f = fopen(path, "rb");
-    if (f == NULL) die(EXIT_USAGE, "cannot read %s: %s", path, strerror(errno));
-    fclose(f);
-    static const char *const known[] = {".palp", ".scene", ".log", ".tool", ".dev",
-                                        ".hand", ".stl",   ".obj", ".ply"};
-    bool of_a_kind = false;
-    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
-        of_a_kind = of_a_kind || has_extension(path, known[i]);
-    if (!of_a_kind)
-        die(EXIT_USAGE, "%s: need a name that ends in .palp, .scene, .log, .tool or that of a mesh",
-            path);
     s->file[s->files++] = (served_file){.name = name, .path = path};
 }
 
