@@ -217,7 +217,7 @@ cortexm: all ## a bare Cortex-M7 image with the sample rabbit in flash, run unde
 # ---- everything else ----
 
 PACKAGES := gcc g++ clang make perl binutils valgrind gcc-arm-none-eabi libnewlib-arm-none-eabi gcc-aarch64-linux-gnu \
-            libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy cppcheck \
+            libc6-dev-arm64-cross qemu-user-static qemu-system-x86 busybox-static cpio chromium python3 python3-numpy python3-meshio cppcheck \
             libopenblas0-pthread qemu-system-arm can-utils python3-can strace libclang-rt-14-dev pkg-config \
             cyclonedds-dev cyclonedds-tools calculix-ccx qemu-user glpk-utils llvm gcc-arm-linux-gnueabihf \
             libc6-dev-armhf-cross wasi-libc libclang-rt-14-dev-wasm32 lld nodejs
@@ -226,7 +226,7 @@ deps: ## install, with apt, the Debian packages of the full test run (root)
 	DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $(PACKAGES)
 
 # The longest first: they run side by side.
-CHECKS := $(patsubst %,tests/check/%.sh,sanitize vm wcet proof same-bits static zwidth dynamic fuzz package reproduce embedded solids shapes calculix dds finger logs realtime direct browser day)
+CHECKS := $(patsubst %,tests/check/%.sh,sanitize vm wcet proof same-bits static zwidth dynamic fuzz package reproduce embedded solids shapes calculix dds finger logs realtime direct browser export day)
 check: test $(BUILD)/elements $(BUILD)/day ## make test plus sanitizers, other targets, browser, numpy and virtual machine
 	@BUILD=$(BUILD) BEFORE=$(BUILD)/test.counts sh tests/run.sh $(CHECKS)
 soak: all $(UNIT_BIN) $(BUILD)/elements $(BUILD)/day ## what of make check is only long, in full: hours

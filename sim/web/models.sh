@@ -18,7 +18,7 @@ bake() { # NAME ARGUMENT..
 rubber="--as-is --young 3e4 --poisson 0.45 --density 1000 --fix-below z 0.004"
 bake rabbit "$blobs/rabbit.obj" $rubber
 bake wavelets "$blobs/rabbit.obj" $rubber --form wavelet --epsilon 0.2
-sed -e "s#^mesh .*#mesh ../../../blobs/finger.obj#; s/^loop .*/loop 1/" blobs/finger.model > "$blobs/finger.model"
+sed -e "s#^mesh .*#mesh $(pwd)/blobs/finger.obj#; s/^loop .*/loop 1/" blobs/finger.model > "$blobs/finger.model"
 bake finger "$blobs/finger.model"
 bake liver blobs/liver.model
 set -- "rabbit=Rabbit, rubber=$blobs/rabbit.palp" "wavelets=Rabbit, wavelets of epsilon 0.2=$blobs/wavelets.palp" \

@@ -172,7 +172,8 @@ const heard = {
         rate = RATES[0];
         recording = false;
         if (replaying) endReplay();
-        say(m.text.replace('lower --rate', 'a faster controller, or a coarser level'), ['Close', () => {}]);
+        const text = m.text.replace('lower --rate', 'a faster controller, or a coarser level').replace(/\bbody\.palp/g, own || state.model);
+        say(text, ['Close', () => {}]);
         panel();
     },
 
