@@ -177,7 +177,7 @@ const heard = {
         panel();
     },
 
-    said(m) { if ($('message').dataset.busy) say(m.text || m.is && m.line); else console.info(m.line); },
+    said(m) { if ($('message').dataset.busy) say(m.line.replace(/^palp: /, '')); else console.info(m.line); },
     log(m) { download(m.bytes, 'palp.log'); recording = false; panel(); },
     ran(m) { window.ran = m; },
 

@@ -17,6 +17,7 @@ class WasiSystem {
         this.open = new Map(); // by descriptor: {path, at, write}
         this.next = 4; // 0, 1, 2 are the standard streams, 3 the root
         this.message = '';
+        this.line = ''; // begun
         this.instance = null;
         const known = this.calls();
         // Calls that are not here answer "not supported".
@@ -34,8 +35,9 @@ class WasiSystem {
 
     tell(text) {
         this.message = (this.message + text).slice(-4000);
-        const lines = text.split('\n').filter(l => l !== '');
-        if (this.say) lines.forEach(this.say);
+        const lines = (this.line + text).split('\n');
+        this.line = lines.pop();
+        if (this.say) lines.filter(l => l !== '').forEach(this.say);
     }
 
     vectors(at, count) {
