@@ -379,6 +379,7 @@ static double level(const palp_report *t) { return t->level; }
 static double tip_x(const palp_report *t) { return 1e3 * (double)t->tip_m.x; }
 static double tip_y(const palp_report *t) { return 1e3 * (double)t->tip_m.y; }
 static double tip_z(const palp_report *t) { return 1e3 * (double)t->tip_m.z; }
+static double bound_us(const palp_report *t) { return 1e-3 * (double)t->bound_ns; }
 static double latency(const palp_report *t) { return 1e-3 * (double)t->elapsed_ns; }
 
 typedef struct {
@@ -446,10 +447,12 @@ static void put_latency(page *p, const run_record *r) {
     static const series tick = {latency, "tick", false};
     const curve c = {r, NULL, NULL};
     page_chart(p, "Latency",
-               "From the beginning of a tick to its frames; and how much later than asked the "
-               "system woke the loop",
+               "From the beginning of a tick to its frames; the most that it could take, known before it "
+               "began; and how much later than asked the system woke the loop",
                "us", PAGE_ZERO);
     put_curve(p, r, 0, &tick);
+    static const series bound = {bound_us, "bound", true};
+    if (!r->from_log) put_curve(p, r, 0, &bound);
     const page_curve_spec late = {"wake-up", r->first_s, 1 / r->rate_hz, r->count, false};
     if (r->late_us != NULL) page_curve(p, &late, late_value, &c);
 }
