@@ -47,7 +47,7 @@ PALP_OBJ := $(SHARED_OBJ) $(call obj,$(TOOLS_LIB)) $(BUILD)/page.o
 HOST_OBJ := $(sort $(LINUX_OBJ) $(PALP_OBJ))
 LIB := $(BUILD)/libpalp.a
 
-.PHONY: all lib size wcet-proof campaign cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce web deps install deb clean help format
+.PHONY: all lib size wcet-proof campaign cortexm static demo demo-finger demo-dyna test check soak bench feel reproduce web pictures deps install deb clean help format
 all: $(LIB) $(BUILD)/palp $(BUILD)/palpd $(BUILD)/palp-sim ## library, palp, palpd and palp-sim
 
 lib: $(LIB) ## the library alone; TARGET=cortex-m7 and others of core/targets.mk: for that processor, build/TARGET/libpalp.a
@@ -153,6 +153,9 @@ web: all ## a folder that can be hosted anywhere or opened as one file: build/we
 	@$(if $(WASM),,echo "no page without clang, lld and wasi-libc: make deps" >&2; exit 1)
 	@mkdir -p $(WEB)
 	@BUILD=$(BUILD) sh sim/web/models.sh $(WEB) $(PAGE_DIR)/engine.wasm
+
+pictures: web ## README's pictures, taken of our own pages by a browser: sim/pictures
+	@BUILD=$(BUILD) sh sim/web/pictures.sh sim/pictures
 
 # ---- tests ----
 

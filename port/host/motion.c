@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "port/host/motion.h"
 #include "port/host/base64.h"
+#include "port/host/toolfile.h"
 #include "port/host/util.h"
 #include <math.h>
 #include <stdlib.h>
@@ -168,24 +169,18 @@ static void write_part(FILE *f, const motion *m, uint32_t number) {
 }
 
 static void write_tool(FILE *f, const motion *m, uint32_t number) {
-    const palp_tool *t = m->tool[number];
-    const float radius = t->shape == PALP_TOOL_CYLINDER ? t->cylinder.radius_m
-                         : t->shape == PALP_TOOL_PAD    ? t->pad.half_m[0]
-                         : t->shape == PALP_TOOL_FIELD  ? palp_tool_size(t)
-                                                        : t->ball[0].radius_m;
-    const float half = t->shape == PALP_TOOL_CYLINDER   ? t->cylinder.half_m
-                       : t->shape == PALP_TOOL_PAD      ? t->pad.half_m[1]
-                       : t->shape == PALP_TOOL_OF_BALLS ? palp_norm(t->ball[t->balls - 1u].center_m)
-                                                        : 0;
+    const tool_look look = tool_look_of(m->tool[number]);
+    palp_frame turn = PALP_FRAME_IDENTITY;
+    memcpy(turn.r, look.turn, sizeof turn.r);
     float *pose = allocate(12 * m->frames + 1, sizeof *pose);
     for (size_t i = 0; i < m->frames; i++) {
-        const palp_frame *at = &m->frame[i].tool[number];
-        const float t_m[3] = {at->t.x, at->t.y, at->t.z};
-        memcpy(pose + 12 * i, at->r, sizeof at->r);
+        const palp_frame at = palp_frame_compose(&m->frame[i].tool[number], &turn);
+        const float t_m[3] = {at.t.x, at.t.y, at.t.z};
+        memcpy(pose + 12 * i, at.r, sizeof at.r);
         memcpy(pose + 12 * i + 9, t_m, sizeof t_m);
     }
-    fprintf(f, "{\"shape\": %d, \"radius\": %.6g, \"half\": %.6g, \"pose\": \"", (int)t->shape,
-            (double)radius, (double)half);
+    fprintf(f, "{\"shape\": %d, \"radius\": %.6g, \"half\": %.6g, \"pose\": \"",
+            (int)m->tool[number]->shape, (double)look.radius_m, (double)look.half_m);
     base64_write_f32(f, pose, 12 * m->frames);
     fputs("\"}", f);
     free(pose);

@@ -41,3 +41,27 @@ void tool_text(const palp_tool *t, char *text, size_t size) {
         snprintf(text, size, "tool radius %.4g m", (double)t->ball[0].radius_m);
     }
 }
+
+/* Columns x, y, z of a turn. */
+static tool_look looking(float radius_m, float half_m, palp_vec3 x, palp_vec3 y, palp_vec3 z) {
+    return (tool_look){radius_m, half_m, {x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z}};
+}
+
+static tool_look along(float radius_m, float half_m, palp_vec3 axis) {
+    palp_vec3 side[2];
+    palp_tangents(axis, side);
+    return looking(radius_m, half_m, side[0], side[1], axis);
+}
+
+tool_look tool_look_of(const palp_tool *t) {
+    const palp_vec3 z = {0.0f, 0.0f, 1.0f};
+    if (t->shape == PALP_TOOL_PAD)
+        return looking(t->pad.half_m[0], t->pad.half_m[1], t->pad.axis[0],
+                       palp_scale(-1.0f, t->pad.axis[1]), palp_scale(-1.0f, t->pad.axis[2]));
+    if (t->shape == PALP_TOOL_CYLINDER)
+        return along(t->cylinder.radius_m, t->cylinder.half_m, t->cylinder.axis);
+    if (t->shape == PALP_TOOL_FIELD) return along(palp_tool_size(t), 0.0f, z);
+    const palp_vec3 end = t->ball[t->balls - 1u].center_m;
+    const float half = palp_norm(end);
+    return along(t->ball[0].radius_m, half, half > 0.0f ? palp_scale(1.0f / half, end) : z);
+}

@@ -340,19 +340,16 @@ void engine_let_go(void) { page.pulled = false; }
 
 static void look_at_tool(uint32_t t) {
     const palp_tool *tool = &page.setup->tool[t].tool;
-    const palp_frame *at = &page.tick->tool[t];
+    const tool_look look = tool_look_of(tool);
+    palp_frame turn = PALP_FRAME_IDENTITY;
+    memcpy(turn.r, look.turn, sizeof turn.r);
+    const palp_frame at = palp_frame_compose(&page.tick->tool[t], &turn);
+    const float place[3] = {at.t.x, at.t.y, at.t.z};
     float *n = page.number + NUMBER_TOOL + 15 * t;
     n[0] = (float)tool->shape;
-    n[1] = tool->shape == PALP_TOOL_CYLINDER ? tool->cylinder.radius_m
-           : tool->shape == PALP_TOOL_PAD    ? tool->pad.half_m[0]
-           : tool->shape == PALP_TOOL_FIELD  ? palp_tool_size(tool)
-                                             : tool->ball[0].radius_m;
-    n[2] = tool->shape == PALP_TOOL_CYLINDER   ? tool->cylinder.half_m
-           : tool->shape == PALP_TOOL_PAD      ? tool->pad.half_m[1]
-           : tool->shape == PALP_TOOL_OF_BALLS ? palp_norm(tool->ball[tool->balls - 1].center_m)
-                                               : 0;
-    memcpy(n + 3, at->r, sizeof at->r);
-    const float place[3] = {at->t.x, at->t.y, at->t.z};
+    n[1] = look.radius_m;
+    n[2] = look.half_m;
+    memcpy(n + 3, at.r, sizeof at.r);
     memcpy(n + 12, place, sizeof place);
 }
 

@@ -77,7 +77,8 @@ export async function browser(folder) {
                 await p.run(`(() => { const t = new DataTransfer(); for (const [name, b] of ${list}) t.items.add(new File([Uint8Array.from(atob(b), c => c.charCodeAt(0))], name));
                     document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: t, bubbles: true, cancelable: true})); })()`);
             },
-            async shot(path) { writeFileSync(path, Buffer.from((await call('Page.captureScreenshot', {format: 'png'})).data, 'base64')); },
+            // All that is seen, or a part of the page {x, y, width, height, scale}.
+            async shot(path, clip) { writeFileSync(path, Buffer.from((await call('Page.captureScreenshot', {format: 'png', clip, captureBeyondViewport: !!clip})).data, 'base64')); },
             close: () => send('Target.closeTarget', {targetId}),
         };
         return p;

@@ -2,6 +2,7 @@
 #include "tools/export/film.h"
 #include "port/host/blobfile.h"
 #include "port/host/parallel.h"
+#include "port/host/toolfile.h"
 #include "port/host/util.h"
 #include <inttypes.h>
 #include <math.h>
@@ -165,62 +166,45 @@ static tool_surface revolve(const double (*ring)[2], uint32_t count, const palp_
     return s;
 }
 
-/* A frame whose z is the axis. */
-static palp_frame along(palp_vec3 axis) {
-    palp_vec3 side[2];
-    palp_tangents(axis, side);
-    palp_frame f = PALP_FRAME_IDENTITY;
-    const float r[9] = {side[0].x, side[1].x, axis.x,    side[0].y, side[1].y,
-                        axis.y,    side[0].z, side[1].z, axis.z};
-    memcpy(f.r, r, sizeof r);
-    return f;
-}
-
-static tool_surface rounded(double radius, double half, palp_vec3 axis) {
+static tool_surface rounded(double radius, double half, const palp_frame *at) {
     double ring[18][2];
-    const palp_frame at = along(axis);
     for (int i = 0; i < 18; i++) {
         const double angle = TURN / 4 * ((i < 9 ? i - 8 : i - 9) / 8.0);
         ring[i][0] = fmax(radius * cos(angle), 1e-4 * radius);
         ring[i][1] = radius * sin(angle) + (i < 9 ? -half : half);
     }
-    return revolve((const double(*)[2])ring, 18, &at);
+    return revolve((const double(*)[2])ring, 18, at);
 }
 
-static tool_surface pad(const palp_pad *p) {
-    const double x = (double)p->half_m[0], y = (double)p->half_m[1], z = 0.25 * fmin(x, y);
+static tool_surface box(double x, double y, const palp_frame *at) {
     static const uint32_t side[12][3] = {{0, 2, 1}, {0, 3, 2}, {4, 5, 6}, {4, 6, 7},
                                          {0, 1, 5}, {0, 5, 4}, {1, 2, 6}, {1, 6, 5},
                                          {2, 3, 7}, {2, 7, 6}, {3, 0, 4}, {3, 4, 7}};
+    const double z = 0.25 * fmin(x, y);
     tool_surface s = {.vertices = 8, .triangles = 12};
     s.x = allocate(24, sizeof *s.x);
     s.t = allocate(36, sizeof *s.t);
     memcpy(s.t, side, sizeof side);
     for (uint32_t i = 0; i < 8; i++) {
-        const float u = (float)(i % 4 == 1 || i % 4 == 2 ? x : -x),
-                    v = (float)(i % 4 >= 2 ? y : -y), w = i < 4 ? 0.0f : (float)z;
-        const palp_vec3 q = palp_sub(palp_add(palp_scale(u, p->axis[0]), palp_scale(v, p->axis[1])),
-                                     palp_scale(w, p->axis[2]));
-        const float place[3] = {q.x, q.y, q.z};
+        const palp_vec3 q = {(float)(i % 4 == 1 || i % 4 == 2 ? x : -x),
+                             (float)(i % 4 >= 2 ? y : -y), (float)(i < 4 ? 0 : z)};
+        const palp_vec3 p = palp_carry(at, q);
+        const float place[3] = {p.x, p.y, p.z};
         memcpy(s.x + 3 * i, place, sizeof place);
     }
     return s;
 }
 
 tool_surface tool_surface_of(const palp_tool *t) {
-    const palp_vec3 z = {0.0f, 0.0f, 1.0f};
-    if (t->shape == PALP_TOOL_PAD) return pad(&t->pad);
-    if (t->shape == PALP_TOOL_CYLINDER) {
-        const double r = (double)t->cylinder.radius_m, h = (double)t->cylinder.half_m;
-        const double ring[4][2] = {{1e-4 * r, -h}, {r, -h}, {r, h}, {1e-4 * r, h}};
-        const palp_frame at = along(t->cylinder.axis);
-        return revolve(ring, 4, &at);
-    }
-    if (t->shape == PALP_TOOL_FIELD) return rounded((double)palp_tool_size(t), 0, z);
-    const palp_vec3 end = t->ball[t->balls - 1u].center_m;
-    const float half = palp_norm(end);
-    return rounded((double)t->ball[0].radius_m, (double)half,
-                   half > 0 ? palp_scale(1 / half, end) : z);
+    const tool_look look = tool_look_of(t);
+    const double radius = (double)look.radius_m, half = (double)look.half_m;
+    palp_frame at = PALP_FRAME_IDENTITY;
+    memcpy(at.r, look.turn, sizeof at.r);
+    if (t->shape == PALP_TOOL_PAD) return box(radius, half, &at);
+    if (t->shape != PALP_TOOL_CYLINDER) return rounded(radius, half, &at);
+    const double ring[4][2] = {
+        {1e-4 * radius, -half}, {radius, -half}, {radius, half}, {1e-4 * radius, half}};
+    return revolve(ring, 4, &at);
 }
 
 /* ---- normals ---- */

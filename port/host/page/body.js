@@ -329,7 +329,7 @@ class BodyView {
         for (let i = 0; i < place.length; i += 3)
             for (let k = 0; k < 3; k++)
                 place[i + k] = t.t[k] + t.r[3 * k] * s.place[i] + t.r[3 * k + 1] * s.place[i + 1] + t.r[3 * k + 2] * s.place[i + 2];
-        this.mesh(place, s.index, [0.42, 0.52, 0.64], this.show.points ? 0.55 : 0.9);
+        this.mesh(place, s.index, [0.42, 0.52, 0.64], this.show.points && this.points.length > 0 ? 0.55 : 0.9);
     }
 
     mesh(place, index, colour, alpha) {

@@ -93,6 +93,7 @@ function bodyAt(parent, data, plots, start) {
     slide.oninput = () => plots.set(+slide.value);
     plots.moved = show;
     show(start);
+    return view;
 }
 
 function happened(parent, data, plots) {
@@ -120,7 +121,7 @@ function happened(parent, data, plots) {
     let start = 0, most = -Infinity;
     const first = data.charts.length > 0 ? data.charts[0].series[0] : null;
     if (first) first.high.forEach((v, i) => { if (v > most) { most = v; start = first.t0 + i * first.dt; } });
-    if (data.motion) bodyAt(where, data.motion, plots, start);
+    const view = data.motion ? bodyAt(where, data.motion, plots, start) : null;
     if (first && most > 0) plots.set(start);
     happened(root, data, plots);
     if (data.histogram) {
@@ -129,5 +130,5 @@ function happened(parent, data, plots) {
         canvas.style.height = '170px';
         histogram(canvas, data.histogram, data.histogram.unit);
     }
-    window.report = {data, plots};
+    window.report = {data, plots, view};
 })();
