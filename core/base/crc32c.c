@@ -42,9 +42,67 @@ static const uint32_t table[256] = {
     0xbe2da0a5u, 0x4c4623a6u, 0x5f16d052u, 0xad7d5351u,
 };
 
+#define POLYNOMIAL 0x82f63b78u /* bit 31 is x^0 */
+#define ONE 0x80000000u
+#define BYTE 0x00800000u /* x^8 */
+#define PARTS 4u         /* of a long run, side by side: a byte waits for the one before it */
+#define LONG 1024u       /* from so many bytes on */
+
+static uint32_t step(uint32_t r, uint8_t byte) { return table[(r ^ byte) & 0xffu] ^ (r >> 8); }
+
+#if defined(__SSE4_2__) || defined(__ARM_FEATURE_CRC32)
+/* What the processor does by itself, eight bytes at a time. */
+static uint32_t run(uint32_t r, const uint8_t *p, size_t bytes) {
+    for (size_t i = 0; i < bytes / 8u; i++) {
+        uint64_t word = 0;
+        for (size_t k = 0; k < 8u; k++) word |= (uint64_t)p[8u * i + k] << (8u * k);
+#if defined(__SSE4_2__)
+        r = (uint32_t)__builtin_ia32_crc32di(r, word);
+#else
+        r = __builtin_aarch64_crc32cx(r, word);
+#endif
+    }
+    for (size_t i = bytes / 8u * 8u; i < bytes; i++) r = step(r, p[i]); /* at most 7 */
+    return r;
+}
+#else
+/* a b modulo the polynomial. */
+static uint32_t times(uint32_t a, uint32_t b) {
+    uint32_t product = 0;
+    for (uint32_t bit = 0; bit < 32u; bit++) {
+        if ((a & (ONE >> bit)) != 0u) product ^= b;
+        b = (b >> 1) ^ ((b & 1u) != 0u ? POLYNOMIAL : 0u);
+    }
+    return product;
+}
+
+/* r as it is so many bytes of zero later. */
+static uint32_t later(uint32_t r, size_t bytes) {
+    uint32_t power = BYTE;
+    for (uint32_t bit = 0; bit < 8u * sizeof bytes; bit++) {
+        if ((bytes >> bit & 1u) != 0u) r = times(r, power);
+        power = times(power, power);
+    }
+    return r;
+}
+
+static uint32_t run(uint32_t r, const uint8_t *p, size_t bytes) {
+    size_t done = 0;
+    if (bytes >= LONG) {
+        const size_t part = bytes / PARTS;
+        uint32_t of[PARTS] = {r};
+        for (size_t i = 0; i < part; i++) {
+            for (uint32_t k = 0; k < PARTS; k++) of[k] = step(of[k], p[k * part + i]);
+        }
+        r = of[0];
+        for (uint32_t k = 1; k < PARTS; k++) r = later(r, part) ^ of[k];
+        done = PARTS * part;
+    }
+    for (size_t i = done; i < bytes; i++) r = step(r, p[i]);
+    return r;
+}
+#endif
+
 uint32_t palp_crc32c(uint32_t crc, const void *data, size_t bytes) {
-    const uint8_t *p = data;
-    crc = ~crc;
-    for (size_t i = 0; i < bytes; i++) crc = table[(crc ^ p[i]) & 0xffu] ^ (crc >> 8);
-    return ~crc;
+    return ~run(~crc, data, bytes);
 }
