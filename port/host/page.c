@@ -65,8 +65,7 @@ void page_row(page *p, const char *name, const char *word, const char *text) {
 void page_lines(page *p, page_writer *write, const void *context) {
     char *text = NULL;
     size_t bytes = 0;
-    FILE *lines = open_memstream(&text, &bytes);
-    if (lines == NULL) die(EXIT_WORK, "no memory for the page");
+    FILE *lines = open_memory(&text, &bytes);
     write(lines, context);
     fclose(lines);
     page_close_table(p);

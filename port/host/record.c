@@ -81,8 +81,7 @@ void record_write_session(FILE *f, const scene_setup *setup) {
     const palp_cost_table *cost = &setup->config.cost;
     char *text = NULL;
     size_t bytes = 0;
-    FILE *m = open_memstream(&text, &bytes);
-    if (m == NULL) die(EXIT_WORK, "no memory for the log's header");
+    FILE *m = open_memory(&text, &bytes);
     fprintf(m, "palp-log 4\ncost %.9g %.9g %.9g\nprices", (double)cost->ns_per_instruction,
             (double)cost->ns_per_byte, (double)cost->margin);
     for (uint32_t k = 0; k < PALP_WORKS; k++)

@@ -446,10 +446,11 @@ static void put_chart(page *p, const run_record *r, const chart *of, uint32_t ha
 static void put_latency(page *p, const run_record *r) {
     static const series tick = {latency, "tick", false};
     const curve c = {r, NULL, NULL};
-    page_chart(p, "Latency",
-               "From the beginning of a tick to its frames; the most that it could take, known before it "
-               "began; and how much later than asked the system woke the loop",
-               "us", PAGE_ZERO);
+    page_chart(
+        p, "Latency",
+        "From the beginning of a tick to its frames; the most that it could take, known before it "
+        "began; and how much later than asked the system woke the loop",
+        "us", PAGE_ZERO);
     put_curve(p, r, 0, &tick);
     static const series bound = {bound_us, "bound", true};
     if (!r->from_log) put_curve(p, r, 0, &bound);

@@ -151,6 +151,12 @@ void commit_output(output *out) {
     free(out->temporary);
 }
 
+FILE *open_memory(char **text, size_t *bytes) {
+    FILE *f = open_memstream(text, bytes);
+    if (f == NULL) die(EXIT_WORK, "out of memory");
+    return f;
+}
+
 char *next_line(char **cursor, size_t *number) {
     char *line = *cursor;
     if (line == NULL) return NULL;

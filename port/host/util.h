@@ -50,6 +50,9 @@ void commit_output(output *out);
  * it; NULL at the end. `number` counts. */
 char *next_line(char **cursor, size_t *number);
 
+/* A file in memory: when it is closed (*text)[0..*bytes) is what was written, ended by a 0, to be freed. */
+FILE *open_memory(char **text, size_t *bytes);
+
 /* Strict number parsing: the whole text must be one finite number. */
 bool parse_double(const char *text, double *value);
 bool parse_u32(const char *text, uint32_t *value);

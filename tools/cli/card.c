@@ -189,8 +189,7 @@ void card_write(const char *blob, const char *path, double rate_hz, page_writer 
                 const void *context) {
     char *text = NULL;
     size_t bytes = 0;
-    FILE *lines = open_memstream(&text, &bytes);
-    if (lines == NULL) die(EXIT_WORK, "no memory for the page");
+    FILE *lines = open_memory(&text, &bytes);
     describe(lines, context);
     fclose(lines);
     const film *body = film_of_blob(blob);

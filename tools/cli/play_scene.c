@@ -114,8 +114,7 @@ static void tick(player *p, size_t number, uint32_t more_events[PALP_SCENE_HANDS
     run_begin(p->setup, t);
     for (uint32_t h = 0; h < r->hands; h++) {
         tick_hand *of = &t->hand[h];
-        of->in_count =
-            sim_bus_pass(&p->bus[h], 1 / r->rate_hz, of->in, RECORD_FRAMES, &of->events);
+        of->in_count = sim_bus_pass(&p->bus[h], 1 / r->rate_hz, of->in, RECORD_FRAMES, &of->events);
         of->events |= more_events[h];
         more_events[h] = 0;
     }

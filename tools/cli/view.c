@@ -281,8 +281,7 @@ static void answer_request(const view_spec *s, int fd, char *request) {
     } else if (strcmp(path, "/start.json") == 0) {
         char *text = NULL;
         size_t bytes = 0;
-        FILE *f = open_memstream(&text, &bytes);
-        if (f == NULL) die(EXIT_WORK, "no memory for an answer");
+        FILE *f = open_memory(&text, &bytes);
         put_names(f, s);
         fclose(f);
         answer(fd, head_only, "200 OK", "application/json", text, bytes);

@@ -245,8 +245,7 @@ static void put_u32(FILE *out, uint32_t v) {
 static void put_glb(FILE *out, writer *w, const film *f) {
     char *text = NULL;
     size_t length = 0;
-    FILE *json = open_memstream(&text, &length);
-    if (json == NULL) die(EXIT_WORK, "no memory for the file");
+    FILE *json = open_memory(&text, &length);
     put_json(json, w, f, NULL);
     fclose(json);
     const uint32_t pad = (uint32_t)(3u - (length + 3u) % 4u);
@@ -268,10 +267,7 @@ gltf_report gltf_write(FILE *out, const film *f, bool binary) {
     gltf_report report = {.shapes = 0};
     FILE **const json[6] = {&w.views_json, &w.accessors_json, &w.meshes_json,
                             &w.nodes_json, &w.samplers_json,  &w.channels_json};
-    for (int i = 0; i < 6; i++) {
-        *json[i] = open_memstream(&w.text[i], &w.length[i]);
-        if (*json[i] == NULL) die(EXIT_WORK, "no memory for the file");
-    }
+    for (int i = 0; i < 6; i++) *json[i] = open_memory(&w.text[i], &w.length[i]);
     uint32_t time = 0;
     if (f->frames > 0) {
         float *t = allocate(f->frames, sizeof *t);
