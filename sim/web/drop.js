@@ -7,6 +7,7 @@ function takeBody(bytes, name) {
     own = name;
     scene = place = body = null;
     joints = [];
+    turns = [];
     endReplay();
     reopen();
 }

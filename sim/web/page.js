@@ -28,7 +28,7 @@ const $ = id => document.getElementById(id);
 const state = {model: null, tool: 'ball', depth: 6, level: 3, friction: 0.3, speed: 0.25, material: 'baked', mode: 'press', colour: 'moved',
     points: true, force: true, rest: false, edges: false};
 let worker, view, plots, series, files = new Map(), scene = null, toolFile = null, own = null; // own: dropped body {name}
-let body = null, joints = [], place = null, turned = null, rate = RATES[0], serial = 0, opening = false, again = null;
+let body = null, joints = [], place = null, turned = null, turns = [], looked = null, rate = RATES[0], serial = 0, opening = false, again = null;
 let press = null, recording = false, replaying = false, paused = false, last = null, started = 0, firstForce = 0, frameMs = 0, frameAt = 0;
 
 // ---- files that the page brings along ----
@@ -56,7 +56,6 @@ async function fetchModel(m) {
         });
         say();
     }
-    if (m.url) return new Uint8Array(await (await fetch(m.url)).arrayBuffer());
     return unpack(m.packed);
 }
 
@@ -112,16 +111,18 @@ function reopen(then) {
     open(then);
 }
 
-async function choose(name) {
+// A model of the page; `shared` says where the device stands and how joints are turned.
+async function choose(name, shared = {}) {
     const m = models.find(x => x.name === name) || models[0];
     try {
         files = new Map([['/body.palp', await fetchModel(m)]]);
         Object.assign(state, {model: m.name});
-        own = scene = place = body = null;
+        own = scene = body = null;
+        place = shared.place ? shared.place.split(',').map(Number) : null;
+        turns = shared.joints ? shared.joints.split(',').map(Number) : [];
         joints = [];
         endReplay();
         reopen();
-        if (m.log) return replayLog(await fetchModel({url: m.log}), m.log);
     } catch (error) {
         say('This model does not load: ' + error.message);
     }
@@ -138,8 +139,10 @@ const heard = {
         body = m;
         if (fresh) {
             view.setParts(m.parts);
+            if (looked) [view.yaw, view.pitch, view.distance] = looked.split(',').map((v, i) => i < 2 ? +v : v * view.size);
+            looked = null;
             if (m.joints.length > 0 && joints.length === 0 && !scene && !m.log) {
-                joints = m.joints.map(j => ({...j, value: Math.max(0, j.low)}));
+                joints = m.joints.map((j, i) => ({...j, value: Math.min(Math.max(turns[i] || 0, j.low), j.high)}));
                 panel();
                 return open(again);
             }
@@ -242,8 +245,8 @@ async function served() {
 
 async function openServed(s) {
     const got = [];
-    for (const name of s.files) got.push({name, bytes: new Uint8Array(await (await fetch('files/' + encodeURIComponent(name))).arrayBuffer())});
-    return takeFiles(got.map(f => new File([f.bytes], f.name)));
+    for (const name of s.files) got.push(new File([await (await fetch('files/' + encodeURIComponent(name))).arrayBuffer()], name));
+    return takeFiles(got);
 }
 
 async function start() {
@@ -265,6 +268,7 @@ async function start() {
     worker.onmessage = e => heard[e.data.is](e.data);
     worker.onerror = e => say('The engine does not start: ' + e.message);
     const shared = readShared();
+    looked = shared.look;
     panel();
     listenToPointer();
     listenToFiles();
@@ -275,8 +279,5 @@ async function start() {
     const from = await served();
     if (from && from.files.length > 0) return openServed(from);
     if (models.length === 0) return say('No model is in this page: drop a blob on it (.palp), or choose one.');
-    await choose(state.model || models[0].name);
-    if (shared.place) place = shared.place.split(',').map(Number);
-    if (shared.look) [view.yaw, view.pitch] = shared.look.split(',').map(Number);
-    if (shared.look && view.size) view.distance = +shared.look.split(',')[2] * view.size;
+    await choose(state.model || models[0].name, shared);
 }
