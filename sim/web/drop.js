@@ -8,6 +8,7 @@ function takeBody(bytes, name) {
     scene = place = body = null;
     joints = [];
     turns = [];
+    size = 1;
     endReplay();
     reopen();
 }

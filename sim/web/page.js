@@ -28,7 +28,7 @@ const $ = id => document.getElementById(id);
 const state = {model: null, tool: 'ball', depth: 6, level: 3, friction: 0.3, speed: 0.25, material: 'baked', mode: 'press', colour: 'moved',
     points: true, force: true, rest: false, edges: false};
 let worker, view, plots, series, files = new Map(), scene = null, toolFile = null, own = null; // own: dropped body {name}
-let body = null, joints = [], place = null, turned = null, turns = [], looked = null, rate = RATES[0], serial = 0, opening = false, again = null;
+let body = null, joints = [], place = null, turned = null, turns = [], looked = null, size = 1, rate = RATES[0], serial = 0, opening = false, again = null;
 let press = null, recording = false, replaying = false, paused = false, last = null, started = 0, firstForce = 0, frameMs = 0, frameAt = 0;
 
 // ---- files that the page brings along ----
@@ -90,8 +90,10 @@ function sceneText() {
     if (place) text += 'place ' + place.join(' ') + '\n';
     if (grip && turned) text += 'turn ' + turned.join(' ') + '\n';
     const friction = state.friction > 0 ? 'friction ' + state.friction + '\n' : '';
-    if (grip) return text + 'tool ball 0.005\njaw -0.5\n' + friction + 'tool ball 0.005\njaw 0.5\n' + friction;
-    return text + 'tool ' + (state.tool === 'own' ? 'own.tool' : TOOLS[state.tool][1]) + '\n' + friction;
+    const jaw = 'tool ball ' + 0.005 * size + '\n';
+    if (grip) return text + jaw + 'jaw -0.5\n' + friction + jaw + 'jaw 0.5\n' + friction;
+    const shape = TOOLS[state.tool] && TOOLS[state.tool][1].replace(/[\d.]+/g, m => +(m * size).toPrecision(6));
+    return text + 'tool ' + (state.tool === 'own' ? 'own.tool' : shape) + '\n' + friction;
 }
 
 // Opens what is chosen; `then` comes after it has opened.
@@ -118,6 +120,7 @@ async function choose(name, shared = {}) {
         files = new Map([['/body.palp', await fetchModel(m)]]);
         Object.assign(state, {model: m.name});
         own = scene = body = null;
+        size = 1;
         place = shared.place ? shared.place.split(',').map(Number) : null;
         turns = shared.joints ? shared.joints.split(',').map(Number) : [];
         joints = [];
@@ -134,6 +137,11 @@ function endReplay() { replaying = false; recording = false; paused = false; pan
 
 const heard = {
     opened(m) {
+        // A body much larger or smaller than a hand's is scaled to the device's workspace: tools and depths go with it.
+        if (!m.log && !scene && Math.abs(m.scale / size - 1) > 0.01) {
+            size = m.scale;
+            return open(again);
+        }
         const fresh = !body || m.parts.length !== body.parts.length || m.parts.some((p, i) => p.rest.length !== body.parts[i].rest.length) || m.kind !== body.kind;
         opening = false;
         body = m;

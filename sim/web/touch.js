@@ -2,7 +2,7 @@
 // What a pointer or a key does to the body: press, pull, grip, turn.
 'use strict';
 
-const away = hit => hit.at.map((v, k) => v + hit.normal[k] * HOVER_M * 1.6);
+const away = hit => hit.at.map((v, k) => v + hit.normal[k] * HOVER_M * 1.6 * size);
 
 function hitAt(x, y) {
     const box = view.canvas.getBoundingClientRect(), ray = view.ray(x - box.left, y - box.top);
@@ -38,7 +38,7 @@ function begin(hit) {
     }
     const canMove = !recording && !replaying && !scene;
     if (state.mode === 'grip') turned = jawsAcross(hit);
-    if (canMove && (!place || state.mode === 'grip' || far(place, hit.at) > REPLACE_M)) {
+    if (canMove && (!place || state.mode === 'grip' || far(place, hit.at) > REPLACE_M * size)) {
         place = hit.at.map(v => +v.toFixed(5));
         open();
     }
@@ -53,13 +53,13 @@ function reach() {
     const {hit} = press, seconds = (performance.now() - press.since) / 1000;
     if (state.mode === 'pull') return;
     if (state.mode === 'grip') {
-        const off = seconds < GRIP_S ? 2 * HOVER_M : -GRIP_M - state.depth / 1000; // open, about it, shut
+        const off = size * (seconds < GRIP_S ? 2 * HOVER_M : -GRIP_M - state.depth / 1000); // open, about it, shut
         worker.postMessage({do: 'reach', device: 0, at: hit.at.map((v, k) => v + hit.normal[k] * off), grip: seconds < 2 * GRIP_S ? GRIP_OPEN : GRIP_SHUT});
         return;
     }
     const off = last && last.look.tools.length > 0 ? standOff(last.look.tools[0]) : 0;
     press.depth = Math.min(state.depth / 1000, press.depth + 0.0006);
-    worker.postMessage({do: 'reach', device: 0, at: hit.at.map((v, k) => v + hit.normal[k] * (off - press.depth))});
+    worker.postMessage({do: 'reach', device: 0, at: hit.at.map((v, k) => v + hit.normal[k] * (off - press.depth * size))});
 }
 
 function letGo() {

@@ -41,6 +41,7 @@ static const char help[] =
 static const option options[] = {{"--port", 1}, {NULL, 0}};
 
 extern const char palp_page[], palp_page_end[];
+static const char *const page[2] = {palp_page, palp_page_end}; /* from, to */
 
 typedef struct {
     const char *name, *path; /* as the page calls it; as it is here */
@@ -276,8 +277,8 @@ static void answer_request(const view_spec *s, int fd, char *request) {
     path[strcspn(path, "?#")] = '\0';
     decode(path);
     if (strcmp(path, "/") == 0 || strcmp(path, "/index.html") == 0) {
-        answer(fd, head_only, "200 OK", "text/html; charset=utf-8", palp_page,
-               (size_t)(palp_page_end - palp_page));
+        answer(fd, head_only, "200 OK", "text/html; charset=utf-8", page[0],
+               (size_t)(page[1] - page[0]));
     } else if (strcmp(path, "/start.json") == 0) {
         char *text = NULL;
         size_t bytes = 0;
@@ -313,7 +314,7 @@ static void take_request(const view_spec *s, int fd) {
 int command_view(int argc, char **argv) {
     view_spec s = {.port = DEFAULT_PORT};
     args_parse(argc, argv, options, help, set_option, &s);
-    if (&palp_page_end[0] == &palp_page[0])
+    if (page[1] == page[0])
         die(EXIT_WORK, "this palp was built without the page, for want of clang, lld or wasi-libc: "
                        "install them (make deps), and build it again");
     bool body = false;
