@@ -89,7 +89,7 @@ $(PAGE_DIR)/page.html: $(PAGE_DIR)/engine.wasm $(PAGE_SOURCES)
 	@sh sim/web/build.sh $@ $<
 $(BUILD)/page.o: sim/web/page.S $(if $(WASM),$(PAGE_DIR)/page.html)
 	@mkdir -p $(@D)
-	@$(CC) '-DPAGE="$(if $(WASM),$(PAGE_DIR)/page.html,/dev/null)"' -c $< -o $@
+	@$(CC) $(if $(WASM),'-DPAGE="$(PAGE_DIR)/page.html"') -c $< -o $@
 
 # What idlc makes is not held to our warnings.
 $(BUILD)/dds/telemetry_idl.c: port/linux/telemetry.idl
