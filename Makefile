@@ -165,7 +165,7 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(BUILD)/tests/models.o $(BUILD)/tests
 	@mkdir -p $(@D)
 	@$(CC) $(INSTRUMENT) -pthread $^ $(DDS_LIBS) -lm -o $@
 
-CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic tools scenes wcet examples tutorial exports)
+CLI := $(patsubst %,tests/cli/%.sh,bad-input formats levels controller zones dynamic tools scenes wcet examples tutorial exports outputs)
 test: all $(UNIT_BIN) ## every test that needs only what is installed; says what it skips
 	@BUILD=$(BUILD) COUNTS=$(BUILD)/test.counts sh tests/run.sh tests/cli/feel.sh tests/freestanding.sh $(UNIT_BIN) $(CLI)
 

@@ -205,7 +205,7 @@ static size_t each_tick(const export_spec *s, put_tick *put, void *to, uint32_t 
     record_close(reader);
     free(t);
     if (count == 0)
-        die(EXIT_WORK, "%s: no tick on record from %g to %g s", s->first, s->film.from_s,
+        die(EXIT_WORK, "%s: no tick on record between %g and %g s", s->first, s->film.from_s,
             s->film.to_s);
     return count;
 }

@@ -133,7 +133,7 @@ film *film_of_log(const film_spec *spec) {
         die(EXIT_WORK, "%s: tick %" PRIu64 ": %s", spec->log, r->recorded->hand[0].report.tick,
             r->why);
     if (f->frames == 0)
-        die(EXIT_WORK, "%s: no tick on record from %g to %g s", spec->log, spec->from_s,
+        die(EXIT_WORK, "%s: no tick on record between %g and %g s", spec->log, spec->from_s,
             spec->to_s);
     return f;
 }
