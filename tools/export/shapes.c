@@ -28,7 +28,7 @@ static size_t take_out(float *rest, size_t frames, size_t values, const float *q
         if (q != NULL) {
             const double w = dot(q, x, values);
             for (size_t i = 0; i < values; i++) x[i] -= (float)(w * (double)q[i]);
-            weight[f * SHAPES_MOST + number] = (float)w;
+            weight[number * frames + f] = (float)w;
         }
         const double most = largest(x, values);
         if (most <= *missed) continue;
@@ -62,13 +62,11 @@ shape_basis shapes_of(const float *const *x, size_t frames, const float *rest, s
     }
     b.weight = allocate(frames * b.count + 1, sizeof *b.weight);
     for (uint32_t k = 0; k < b.count; k++) {
-        double most = 0;
+        const double most = largest(weight + k * frames, frames);
+        float *q = b.shape + k * values;
+        for (size_t i = 0; i < values; i++) q[i] = (float)((double)q[i] * most);
         for (size_t f = 0; f < frames; f++)
-            most = fmax(most, fabs((double)weight[f * SHAPES_MOST + k]));
-        for (size_t i = 0; i < values; i++)
-            b.shape[k * values + i] = (float)((double)b.shape[k * values + i] * most);
-        for (size_t f = 0; f < frames; f++)
-            b.weight[f * b.count + k] = (float)((double)weight[f * SHAPES_MOST + k] / most);
+            b.weight[f * b.count + k] = (float)((double)weight[k * frames + f] / most);
     }
     free(left);
     free(weight);
