@@ -12,9 +12,9 @@ static double dot(const float *a, const float *b, size_t n) {
 }
 
 static double largest(const float *a, size_t n) {
-    double most = 0;
-    for (size_t i = 0; i < n; i++) most = fmax(most, fabs((double)a[i]));
-    return most;
+    float most = 0;
+    for (size_t i = 0; i < n; i++) most = fmaxf(most, fabsf(a[i]));
+    return (double)most;
 }
 
 /* What of all frames is left when the newest shape, a unit vector, is taken out; the frame that is missed
