@@ -77,9 +77,9 @@ static uint32_t times(uint32_t a, uint32_t b) {
 }
 
 /* r as it is so many bytes of zero later. */
-static uint32_t later(uint32_t r, size_t bytes) {
+static uint32_t later(uint32_t r, uint64_t bytes) {
     uint32_t power = BYTE;
-    for (uint32_t bit = 0; bit < 8u * sizeof bytes; bit++) {
+    for (uint32_t bit = 0; bit < 64u; bit++) {
         if ((bytes >> bit & 1u) != 0u) r = times(r, power);
         power = times(power, power);
     }
