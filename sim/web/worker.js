@@ -38,7 +38,7 @@ const answers = {
     },
 
     reach(m) { if (engine) engine.x.engine_reach(m.device, ...m.at, m.grip || 0); },
-    pull(m) { pulls = m; },
+    pull(m) { pulls = {...m, moved: true}; },
     letgo() { pulls = null; if (engine) engine.x.engine_let_go(); },
     joint(m) { if (engine) engine.x.engine_joint(m.joint, m.value); },
     reset() { if (engine) engine.x.engine_reset(); },
@@ -107,10 +107,8 @@ setInterval(() => {
             counted += Math.min(n, due);
             done += n;
         }
-        if (pulls) {
-            engine.x.engine_pull(pulls.node, ...pulls.by);
-            pulls = {...pulls};
-        }
+        if (pulls && pulls.moved) engine.x.engine_pull(pulls.node, ...pulls.by);
+        if (pulls) pulls.moved = false;
         if (drawn && (!paused || pulls)) frame();
     } catch (error) {
         engine = null;
