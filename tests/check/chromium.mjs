@@ -51,7 +51,7 @@ export async function browser(folder) {
                 if (r.exceptionDetails) throw new Error(r.exceptionDetails.exception?.description || r.exceptionDetails.text);
                 return r.result.value;
             },
-            async until(text, ms = 20000) { // what the text gives as soon as it is not nothing
+            async until(text, ms = 40000) { // what the text gives as soon as it is not nothing
                 for (const end = Date.now() + ms; Date.now() < end; await sleep(50)) {
                     const v = await p.run(text).catch(() => null);
                     if (v) return v;

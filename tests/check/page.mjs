@@ -9,7 +9,8 @@ const ok = (good, text) => console.log(`${good ? 'ok' : 'not ok'} ${++count} - $
 const b = await browser(folder);
 const open = async (address, options) => {
     const p = await b.page(address, options);
-    await p.until('!!(window.ran || (last && body)) || !$("message").hidden');
+    await p.until('(last && body && !opening && view.now !== undefined) || !$("message").hidden', 40000); // opened, and drawn once
+    await sleep(300);
     return p;
 };
 const centre = (p, dx = 0, dy = 0) => p.run(`(() => { const q = view.project(view.centre), r = view.canvas.getBoundingClientRect(); return [q[0] + r.left + ${dx}, q[1] + r.top + ${dy}]; })()`);
