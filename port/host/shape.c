@@ -22,7 +22,6 @@ static shape_part *add_part(shape *s, uint32_t body, uint32_t nodes, uint32_t tr
     *p = (shape_part){.body = body, .nodes = nodes, .triangles = triangles, .triangle = triangle};
     p->rest_m = allocate(3 * (size_t)nodes, sizeof *p->rest_m);
     p->at_m = allocate(3 * (size_t)nodes, sizeof *p->at_m);
-    p->push_N = allocate(3 * (size_t)nodes, sizeof *p->push_N);
     p->pressure_Pa = allocate(nodes, sizeof *p->pressure_Pa);
     uint8_t *fixed = allocate(nodes, 1);
     p->fixed = fixed;
@@ -69,9 +68,8 @@ shape *shape_open(const scene_setup *setup, palp_scene *scene) {
 void shape_close(shape *s) {
     for (uint32_t i = 0; i < s->parts; i++) {
         shape_part *p = &s->part[i];
-        void *owned[] = {
-            p->rest_m,       p->at_m, p->push_N, p->pressure_Pa, (void *)(uintptr_t)p->fixed,
-            p->field_memory, p->modes};
+        void *owned[] = {p->rest_m,       p->at_m, p->pressure_Pa, (void *)(uintptr_t)p->fixed,
+                         p->field_memory, p->modes};
         for (size_t k = 0; k < sizeof owned / sizeof owned[0]; k++) free(owned[k]);
     }
     free(s);
@@ -92,12 +90,10 @@ static void load(shape_part *p, const palp_body *body) {
         palp_contact_loads(c, k, p->zone, friction, &loads);
     }
     palp_field_update(&p->field, list, loads.count);
-    memset(p->push_N, 0, 3 * (size_t)p->nodes * sizeof *p->push_N);
     memset(p->pressure_Pa, 0, p->nodes * sizeof *p->pressure_Pa);
     const palp_domain *d = &b->domain[PALP_FREE];
     for (uint32_t i = 0; i < loads.count; i++) {
         const uint32_t node = d->node[list[i].at.slot];
-        put(p->push_N + 3 * (size_t)node, list[i].force_N);
         p->pressure_Pa[node] = palp_norm(list[i].force_N) / b->area_m2[node];
     }
 }

@@ -18,7 +18,7 @@ typedef struct {
     float *pressure_Pa; /* [nodes] of the tools; 0 of a dynamic body, whose loads are not known */
     palp_field field;   /* not of a skin */
     void *field_memory;
-    float *modes, *push_N; /* of a zone's seams; [nodes][3] */
+    float *modes; /* of a zone's seams */
 } shape_part;
 
 typedef struct {

@@ -24,7 +24,7 @@
 /* What engine_part_data and engine_part_count are asked for. */
 enum { PART_AT, PART_REST, PART_PRESSURE, PART_TRIANGLES, PART_FIXED };
 /* What engine_text is asked for. */
-enum { TEXT_STATE, TEXT_FAULTS, TEXT_JOINT, TEXT_WHY, TEXT_DIGEST };
+enum { TEXT_STATE, TEXT_FAULTS, TEXT_JOINT, TEXT_DIGEST };
 /* Where what stands in engine_numbers. */
 enum {
     NUMBER_TICKS = 0,
@@ -445,7 +445,6 @@ const char *engine_text(uint32_t what, uint32_t which) {
         if (page.setup->part[0].kind == PALP_BODY_ZONES)
             return page.setup->part[0].zones.joint[which].name;
         break;
-    case TEXT_WHY:
         return page.again != NULL ? page.again->why : "";
     default:
         snprintf(page.text, sizeof page.text, "%016" PRIx64, page.tick->digest);

@@ -9,7 +9,7 @@ const NUMBER = {ticks: 0, limit: 1, points: 2, flags: 3, state: 4, joints: 5, bo
     hands: 11, edge_m: 12, pulled: 13, held: 14};
 const NUMBER_TOOL = 16, NUMBER_JOINT = 48, TOOL_NUMBERS = 15;
 const PART = {at: 0, rest: 1, pressure: 2, triangles: 3, fixed: 4};
-const TEXT = {state: 0, faults: 1, joint: 2, why: 3, digest: 4};
+const TEXT = {state: 0, faults: 1, joint: 2, digest: 3};
 const ENDS = ['', 'done', 'cut', 'gap', 'exchanged', 'differs'];
 
 class Engine {

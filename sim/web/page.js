@@ -137,6 +137,7 @@ function endReplay() { replaying = false; recording = false; paused = false; pan
 
 const heard = {
     opened(m) {
+        if (m.serial !== serial) return; // another has been asked for since
         // A body much larger or smaller than a hand's is scaled to the device's workspace: tools and depths go with it.
         if (!m.log && !scene && Math.abs(m.scale / size - 1) > 0.01) {
             size = m.scale;

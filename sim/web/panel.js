@@ -22,7 +22,7 @@ function show(m) {
     numbers(m, row);
     if (l.state === 'FAULT' || l.state === 'DAMPING') sayFault(l);
     else if ($('message').dataset.fault) { delete $('message').dataset.fault; say(); }
-    if (replaying && l.end && !m.told) ended(l.end);
+    if (replaying && l.end) ended(l.end);
 }
 
 function sayFault(l) {
@@ -133,7 +133,7 @@ function button(text, action, pressed) {
 function set(key, value) { state[key] = value; panel(); share(); }
 
 function panel() {
-    const box = $('controls'), focus = document.activeElement && document.activeElement.dataset.key;
+    const box = $('controls');
     box.replaceChildren();
     const list = models.map(m => [m.name, m.title]);
     if (own) list.push(['own', own]);
@@ -182,8 +182,8 @@ function actions() {
         row.append(button('Back to touching', () => { endReplay(); files.delete('/page.log'); scene = null; reopen(); }));
     }
     row.append(button('Light or dark', () => {
-        const root = document.documentElement, dark = matchMedia('(prefers-color-scheme: dark)').matches !== (root.dataset.theme === 'other');
-        root.dataset.theme = root.dataset.theme ? (root.dataset.theme === 'dark' ? 'light' : 'dark') : dark ? 'light' : 'dark';
+        const root = document.documentElement, dark = matchMedia('(prefers-color-scheme: dark)').matches;
+        root.dataset.theme = (root.dataset.theme || (dark ? 'dark' : 'light')) === 'dark' ? 'light' : 'dark';
         view.draw();
         plots.draw();
     }));

@@ -262,18 +262,28 @@ class Plots {
         return i < 0 || i >= s.low.length ? null : [s.low[i], s.high[i]];
     }
 
+    // Names come from files: they are text, never markup.
     legend(c) {
-        const t = this.cursor, unit = c.unit ? ' ' + c.unit : '', items = [];
+        const t = this.cursor, unit = c.unit ? ' ' + c.unit : '', items = t === null ? [] : [[number(t) + ' s', -1]];
         c.series.forEach((s, i) => {
             const v = t === null ? null : this.at(s, t);
             const value = v === null ? '' : v[0] === v[1] ? ' ' + number(v[0]) + unit : ' ' + number(v[0]) + ' to ' + number(v[1]) + unit;
-            if (c.series.length > 1 || value !== '')
-                items.push((c.series.length > 1 ? '<i style="border-color:var(--c' + (i % 6 + 1) + ');border-top-style:' +
-                    ['solid', 'dashed', 'dotted', 'dashed'][i % 4] + '"></i>' : '') + s.name + value);
+            if (c.series.length > 1 || value !== '') items.push([s.name + value, c.series.length > 1 ? i : -1]);
         });
-        if (t !== null) items.unshift(number(t) + ' s');
-        const html = items.map(i => '<span>' + i + '</span>').join('');
-        if (html !== c.shown) c.key.innerHTML = c.shown = html;
+        const shown = JSON.stringify(items);
+        if (shown === c.shown) return;
+        c.shown = shown;
+        c.key.replaceChildren(...items.map(([text, i]) => {
+            const item = document.createElement('span');
+            if (i >= 0) {
+                const line = document.createElement('i');
+                line.style.borderColor = 'var(--c' + (i % 6 + 1) + ')';
+                line.style.borderTopStyle = ['solid', 'dashed', 'dotted', 'dashed'][i % 4];
+                item.append(line);
+            }
+            item.append(text);
+            return item;
+        }));
     }
 }
 
